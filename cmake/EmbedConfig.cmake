@@ -1,0 +1,11 @@
+# Run as a script: writes OUTPUT, a C++ file that holds every YAML file below CONFIG_DIR.
+file(GLOB_RECURSE files RELATIVE "${CONFIG_DIR}" "${CONFIG_DIR}/*.yaml")
+list(SORT files)
+set(body "// Generated from config/.\n#include \"base/shipped_config.hpp\"\n\n#include <stdexcept>\n\n")
+string(APPEND body "namespace hedgehop {\nnamespace {\nstruct Entry {\n  std::string_view name;\n  std::string_view text;\n};\nconstexpr Entry kEntries[] = {\n")
+foreach(file IN LISTS files)
+  file(READ "${CONFIG_DIR}/${file}" text)
+  string(APPEND body "    {\"${file}\", R\"yaml(${text})yaml\"},\n")
+endforeach()
+string(APPEND body "};\n}  // namespace\n\nstd::string_view shipped_config(std::string_view name) {\n  for (const Entry& entry : kEntries) {\n    if (entry.name == name) {\n      return entry.text;\n    }\n  }\n  throw std::invalid_argument(\"no shipped config is called '\" + std::string(name) + \"'\");\n}\n\nstd::vector<std::string> shipped_config_names() {\n  std::vector<std::string> names;\n  for (const Entry& entry : kEntries) {\n    names.emplace_back(entry.name);\n  }\n  return names;\n}\n\n}  // namespace hedgehop\n")
+file(WRITE "${OUTPUT}" "${body}")

@@ -1,0 +1,83 @@
+# Flags, the room function and the test function of the project.
+
+add_library(hedgehop_flags INTERFACE)
+# Same bytes on every machine: no contraction into fused operations, no -ffast-math, a fixed baseline.
+target_compile_options(hedgehop_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -ffp-contract=off)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  target_compile_options(hedgehop_flags INTERFACE -march=x86-64-v2)
+endif()
+if(HEDGEHOP_WERROR)
+  target_compile_options(hedgehop_flags INTERFACE -Werror)
+endif()
+if(HEDGEHOP_SANITIZE)
+  target_compile_options(hedgehop_flags INTERFACE
+    -fsanitize=${HEDGEHOP_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  target_link_options(hedgehop_flags INTERFACE -fsanitize=${HEDGEHOP_SANITIZE})
+endif()
+if(HEDGEHOP_TIDY)
+  find_program(CLANG_TIDY clang-tidy REQUIRED)
+  set(CMAKE_CXX_CLANG_TIDY "${CLANG_TIDY};--warnings-as-errors=*;--quiet")
+endif()
+
+# hedgehop_library(NAME room SOURCES a.cpp HEADERS a.hpp DEPENDS hedgehop::base PRIVATE_DEPENDS GDAL::GDAL)
+#
+# One static library for one room, `hedgehop::<room>`. DEPENDS are rooms that its headers or sources
+# use; PRIVATE_DEPENDS are third-party libraries, which stay hidden in the .cpp files.
+# Each header is compiled alone as part of the build of the tests.
+function(hedgehop_library)
+  cmake_parse_arguments(ARG "" "NAME" "SOURCES;HEADERS;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  set(target hedgehop_${ARG_NAME})
+  if(ARG_SOURCES)
+    add_library(${target} STATIC ${ARG_SOURCES})
+    target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}/common")
+    target_link_libraries(${target} PUBLIC ${ARG_DEPENDS} PRIVATE hedgehop_flags ${ARG_PRIVATE_DEPENDS})
+  else()
+    add_library(${target} INTERFACE)
+    target_include_directories(${target} INTERFACE "${PROJECT_SOURCE_DIR}/common")
+    target_link_libraries(${target} INTERFACE ${ARG_DEPENDS})
+  endif()
+  add_library(hedgehop::${ARG_NAME} ALIAS ${target})
+  if(HEDGEHOP_TESTS AND ARG_HEADERS)
+    hedgehop_check_headers(${target} ${ARG_HEADERS})
+  endif()
+endfunction()
+
+# Compiles each header on its own, so that no header leans on what was included before it.
+function(hedgehop_check_headers target)
+  set(units)
+  foreach(header IN LISTS ARGN)
+    string(MAKE_C_IDENTIFIER "${header}" id)
+    set(unit "${CMAKE_CURRENT_BINARY_DIR}/header_check/${id}.cpp")
+    file(CONFIGURE OUTPUT "${unit}" CONTENT "#include \"${CMAKE_CURRENT_SOURCE_DIR}/${header}\"\n" @ONLY)
+    list(APPEND units "${unit}")
+  endforeach()
+  add_library(${target}_header_check OBJECT ${units})
+  set_target_properties(${target}_header_check PROPERTIES CXX_CLANG_TIDY "")
+  target_link_libraries(${target}_header_check PRIVATE ${target} hedgehop_flags)
+endfunction()
+
+# hedgehop_test(NAME room SOURCES a_test.cpp DEPENDS hedgehop::room LABELS unit [TIMEOUT s])
+# One test program of a room; each case is a test of its own for ctest. Runs in the source tree's root.
+function(hedgehop_test)
+  if(NOT HEDGEHOP_TESTS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "NAME;TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  if(NOT ARG_LABELS)
+    set(ARG_LABELS unit)
+  endif()
+  add_executable(${ARG_NAME}_test ${ARG_SOURCES})
+  target_include_directories(${ARG_NAME}_test PRIVATE "${PROJECT_SOURCE_DIR}/tests")
+  target_link_libraries(${ARG_NAME}_test PRIVATE
+    hedgehop_flags ${ARG_DEPENDS} GTest::gtest GTest::gmock GTest::gtest_main rapidcheck rapidcheck_gtest)
+  gtest_discover_tests(${ARG_NAME}_test
+    WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}"
+    TEST_PREFIX "${ARG_NAME}."
+    DISCOVERY_MODE PRE_TEST
+    DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()

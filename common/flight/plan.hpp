@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/hash.hpp"
+#include "flight/plan_request.hpp"
+#include "flight/route.hpp"
+#include "flight/trajectory.hpp"
+#include "flight/verdict.hpp"
+
+namespace hedgehop::flight {
+
+/// Which map a plan was made on, and what its products must carry.
+struct MapIdentity {
+  Hash128 hash;
+  std::string crs_wkt;
+  std::string vertical_datum;
+  std::string label;
+  std::vector<std::string> attributions;
+};
+
+/// The global planner's answer, complete enough for the local planner to go on from it alone.
+struct RoutePlan {
+  Hash128 request_id;        // plan_request_id()
+  PlanRequest request;
+  std::string config_text;   // effective planning config, canonical YAML
+  MapIdentity map;
+  Waypoint start;            // the request's places in the map frame
+  Waypoint goal;
+  Route route;
+};
+
+/// A finished plan: everything that plan.json, route.geojson and trajectory.csv say.
+struct Plan {
+  RoutePlan route_plan;
+  Trajectory trajectory;
+  PathMeasures measures;
+  std::int64_t decisions = 0;             // of the local planner, all passes
+  std::int64_t infeasible_decisions = 0;
+  Verdict verdict;
+  std::vector<std::string> warnings;
+};
+
+/// Identity of a plan: hash of map, request, config and seed. The same question has the same id, on the
+/// bus and off it.
+Hash128 plan_request_id(const PlanRequest& request, const Hash128& map_hash,
+                        const std::string& config_text);
+
+}  // namespace hedgehop::flight

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "map/map.hpp"
+
+namespace hedgehop::map {
+
+inline constexpr int kMapSchemaVersion = 1;
+inline constexpr char kMapManifestFile[] = "manifest.json";
+
+/// Writes manifest.json, terrain.tif, surface.tif, semantics.tif, visibility.tif and features.gpkg into
+/// an existing, empty folder. `provenance_json` is a JSON object (inputs, settings, tool version,
+/// statistics) that becomes part of the manifest. Same map and provenance, same bytes.
+/// Throws SystemFailure when a file cannot be written.
+void write_map_bundle(const Map& map, const std::string& provenance_json,
+                      const std::filesystem::path& folder);
+
+/// Reads a bundle and checks its schema version, layers and hash. Throws DataError.
+Map read_map_bundle(const std::filesystem::path& folder);
+
+/// The manifest of a bundle as JSON text. Throws DataError.
+std::string read_map_manifest(const std::filesystem::path& folder);
+
+}  // namespace hedgehop::map

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "base/observer.hpp"
+#include "command_model/command_model.hpp"
+#include "flight/plan.hpp"
+#include "global_planning/global_planner.hpp"
+#include "local_planning/local_planner.hpp"
+#include "map/map.hpp"
+#include "risk/cost_model.hpp"
+#include "verification/verifier.hpp"
+
+namespace hedgehop::planning {
+
+/// Everything that shapes a plan besides the map and the request; read from one YAML document that
+/// holds the vehicle too.
+struct PlanningConfig {
+  std::string text;  // canonical
+  double reference_height_m = 0.0;
+  double speed_mps = 0.0;
+  double unknown_visibility = 0.0;
+  risk::CostWeights weights;
+  risk::SemanticCostTable semantics;
+  global_planning::GlobalOptions global;
+  local_planning::LocalOptions local;
+  verification::Demands demands;
+  command_model::Vehicle vehicle;
+};
+
+/// Throws ConfigError. `name` is what errors call the document.
+PlanningConfig read_planning_config(const std::string& text, const std::string& name);
+
+/// The shipped planning config with the shipped vehicle, overlaid by a user's file (may be empty: none)
+/// and by `key=value` settings.
+std::string effective_planning_config(const std::string& config_file,
+                                      const std::vector<std::string>& settings);
+
+/// Request -> route: what the global_planner service does.
+std::variant<flight::RoutePlan, flight::NoPlan> plan_route(
+    const map::Map& map, const flight::PlanRequest& request, const PlanningConfig& config,
+    const global_planning::OnProgress& on_progress, Observer& observer);
+
+/// Route -> verified trajectory: what the local_planner service does. `step_model` may be empty: the
+/// command model is then stepped in process.
+std::variant<flight::Plan, flight::NoPlan> plan_flight(const map::Map& map,
+                                                       const flight::RoutePlan& route_plan,
+                                                       const PlanningConfig& config,
+                                                       const local_planning::StepModel& step_model,
+                                                       Observer& observer);
+
+/// Both: what `hedgehop plan` does.
+std::variant<flight::Plan, flight::NoPlan> plan(const map::Map& map,
+                                                const flight::PlanRequest& request,
+                                                const PlanningConfig& config,
+                                                const global_planning::OnProgress& on_progress,
+                                                Observer& observer);
+
+}  // namespace hedgehop::planning

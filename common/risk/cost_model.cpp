@@ -1,0 +1,178 @@
+#include "risk/cost_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/errors.hpp"
+
+namespace hedgehop::risk {
+namespace {
+
+constexpr std::size_t kCombinations = 65536;
+
+std::uint16_t bit_of(const std::string& name, const ConfigReader& reader) {
+  std::vector<std::string> known;
+  for (const map::SemanticName& entry : map::semantic_names()) {
+    if (entry.name == name) {
+      return static_cast<std::uint16_t>(entry.bit);
+    }
+    known.emplace_back(entry.name);
+  }
+  const auto nearest = nearest_word(name, known);
+  reader.refuse("classes", "names the unknown class '" + name + "'" +
+                               (nearest ? "; did you mean '" + *nearest + "'?" : ""));
+}
+
+}  // namespace
+
+SemanticCostTable::SemanticCostTable(std::vector<Rule> rules, double otherwise)
+    : table_(kCombinations, static_cast<float>(otherwise)) {
+  for (std::size_t bits = 0; bits < kCombinations; ++bits) {
+    const auto rule = std::find_if(rules.begin(), rules.end(), [&](const Rule& candidate) {
+      return (bits & candidate.all_of) == candidate.all_of;
+    });
+    if (rule != rules.end()) {
+      table_[bits] = static_cast<float>(rule->cost);
+    }
+  }
+}
+
+SemanticCostTable SemanticCostTable::read(ConfigReader& reader) {
+  std::vector<Rule> rules;
+  for (ConfigReader& entry : reader.required_sections("rules")) {
+    Rule rule;
+    for (const std::string& name : entry.required_strings("classes")) {
+      rule.all_of = static_cast<std::uint16_t>(rule.all_of | bit_of(name, entry));
+    }
+    rule.cost = entry.required_double("cost");
+    entry.require(rule.all_of != 0, "classes", "must name at least one class");
+    entry.require(rule.cost >= 0.0 && rule.cost <= 1.0, "cost", "must lie between 0 and 1");
+    entry.finish();
+    rules.push_back(rule);
+  }
+  const double otherwise = reader.required_double("otherwise");
+  reader.require(otherwise >= 0.0 && otherwise <= 1.0, "otherwise", "must lie between 0 and 1");
+  reader.finish();
+  return {std::move(rules), otherwise};
+}
+
+CostWeights read_weights(ConfigReader& reader) {
+  CostWeights weights;
+  const auto read = [&](const char* key, double& value) {
+    value = reader.required_double(key);
+    reader.require(value >= 0.0, key, "must not be negative");
+  };
+  read("visibility", weights.visibility);
+  read("visibility_per_height_1pm", weights.visibility_per_height_1pm);
+  read("semantics", weights.semantics);
+  read("height_1pm", weights.height_1pm);
+  reader.finish();
+  return weights;
+}
+
+CostModel::CostModel(const map::Map& map, const CostWeights& weights,
+                     const SemanticCostTable& semantics, double unknown_visibility)
+    : map_(&map),
+      weights_(weights),
+      visibility_(map.geometry, 0.0F),
+      semantics_(map.geometry, 0.0F) {
+  for (std::size_t i = 0; i < visibility_.values().size(); ++i) {
+    const std::uint16_t stored = map.visibility.values()[i];
+    visibility_.values()[i] = static_cast<float>(
+        stored == map::kVisibilityUnknown ? unknown_visibility : map::visibility_share(stored));
+    semantics_.values()[i] = static_cast<float>(semantics.cost(map.semantics.values()[i]));
+  }
+}
+
+double CostModel::visibility(const geo::MapPoint& point) const {
+  return static_cast<double>(visibility_.at(map_->geometry.cell_at(point)));
+}
+
+double CostModel::semantics(const geo::MapPoint& point) const {
+  return static_cast<double>(semantics_.at(map_->geometry.cell_at(point)));
+}
+
+double CostModel::density(const geo::MapPoint& point, double height_m) const {
+  const double above_m = height_m - map_->reference_height_m;
+  const double seen = (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) *
+                      visibility(point);
+  return 1.0 + weights_.visibility * seen * seen + weights_.semantics * semantics(point) +
+         weights_.height_1pm * std::fabs(above_m);
+}
+
+flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& waypoints,
+                                        double step_m) const {
+  flight::RouteCost cost;
+  for (std::size_t i = 1; i < waypoints.size(); ++i) {
+    const flight::Waypoint& a = waypoints[i - 1];
+    const flight::Waypoint& b = waypoints[i];
+    const double dx_m = b.x_m - a.x_m;
+    const double dy_m = b.y_m - a.y_m;
+    const double dz_m = b.altitude_m - a.altitude_m;
+    const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
+    const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / step_m)));
+    const double ds_m = leg_m / steps;
+    for (int k = 0; k < steps; ++k) {
+      const double t = (k + 0.5) / steps;
+      const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
+      const double height_m =
+          a.altitude_m + t * dz_m - raster::sample_bilinear(map_->surface_m, point);
+      const double above_m = height_m - map_->reference_height_m;
+      const double seen = (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) *
+                          visibility(point);
+      cost.length_m += ds_m;
+      cost.visibility_m += weights_.visibility * seen * seen * ds_m;
+      cost.semantics_m += weights_.semantics * semantics(point) * ds_m;
+      cost.height_m += weights_.height_1pm * std::fabs(above_m) * ds_m;
+    }
+  }
+  return cost;
+}
+
+flight::PathMeasures CostModel::measures(const flight::Trajectory& trajectory,
+                                         double ceiling_height_m) const {
+  flight::PathMeasures measures;
+  if (trajectory.states.empty()) {
+    return measures;
+  }
+  struct Integrand {
+    double visibility, semantics, bank_rad, height_m;
+  };
+  const auto integrand = [&](const flight::FlightState& state) {
+    const double height_m = state.altitude_m - state.surface_m;
+    const double above_m = std::max(height_m - map_->reference_height_m, 0.0);
+    const double seen =
+        (1.0 + weights_.visibility_per_height_1pm * above_m) * visibility(state.point());
+    return Integrand{seen, semantics(state.point()), std::fabs(state.bank_rad), height_m};
+  };
+  Integrand before = integrand(trajectory.states.front());
+  measures.max_height_m = before.height_m;
+  double height_integral_m2 = 0.0;
+  double low_m = 0.0;
+  for (std::size_t i = 1; i < trajectory.states.size(); ++i) {
+    const flight::FlightState& a = trajectory.states[i - 1];
+    const flight::FlightState& b = trajectory.states[i];
+    const double dx_m = b.x_m - a.x_m;
+    const double dy_m = b.y_m - a.y_m;
+    const double ds_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+    const Integrand after = integrand(b);
+    measures.length_m += ds_m;
+    measures.visibility_m += 0.5 * (before.visibility + after.visibility) * ds_m;
+    measures.semantics_m += 0.5 * (before.semantics + after.semantics) * ds_m;
+    measures.bank_rad_m += 0.5 * (before.bank_rad + after.bank_rad) * ds_m;
+    height_integral_m2 += 0.5 * (before.height_m + after.height_m) * ds_m;
+    if (0.5 * (before.height_m + after.height_m) <= ceiling_height_m) {
+      low_m += ds_m;
+    }
+    measures.max_height_m = std::max(measures.max_height_m, after.height_m);
+    before = after;
+  }
+  measures.duration_s = trajectory.states.back().time_s - trajectory.states.front().time_s;
+  if (measures.length_m > 0.0) {
+    measures.mean_height_m = height_integral_m2 / measures.length_m;
+    measures.share_under_ceiling = low_m / measures.length_m;
+  }
+  return measures;
+}
+
+}  // namespace hedgehop::risk
