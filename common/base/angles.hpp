@@ -3,8 +3,9 @@
 #include <cmath>
 #include <numbers>
 
-/// Angle conventions. The mathematics of planning uses angles counter-clockwise from +x (grid east);
-/// everything public uses azimuths, clockwise from north. These functions are the only border.
+/// Angle conventions. The mathematics of planning uses angles counter-clockwise from +x (grid
+/// east); everything public uses azimuths, clockwise from north. These functions are the only
+/// border.
 namespace hedgehop {
 
 inline constexpr double kDegree_rad = std::numbers::pi / 180.0;

@@ -1,10 +1,9 @@
 #include "base/config_reader.hpp"
 
-#include <yaml-cpp/yaml.h>
-
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <yaml-cpp/yaml.h>
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
@@ -60,8 +59,8 @@ void emit(YAML::Emitter& out, const YAML::Node& node) {
     }
     out << YAML::EndMap;
   } else if (node.IsSequence()) {
-    const bool is_flat =
-        std::all_of(node.begin(), node.end(), [](const YAML::Node& item) { return item.IsScalar(); });
+    const bool is_flat = std::all_of(node.begin(), node.end(),
+                                     [](const YAML::Node& item) { return item.IsScalar(); });
     if (is_flat) {
       out << YAML::Flow;
     }
@@ -284,9 +283,14 @@ void ConfigReader::refuse(std::string_view key, const std::string& why) const {
 }
 
 std::string overlay_config(std::string_view text, const std::string& text_name,
-                           std::string_view overlay, const std::string& overlay_name) {
+                           std::string_view overlay, const std::string& overlay_name,
+                           const std::vector<std::string>& ignored_keys) {
   YAML::Node base = load(text, text_name);
-  merge_into(base, load(overlay, overlay_name), overlay_name);
+  YAML::Node top = load(overlay, overlay_name);
+  for (const std::string& key : ignored_keys) {
+    top.remove(key);
+  }
+  merge_into(base, top, overlay_name);
   return emitted(base);
 }
 
@@ -326,6 +330,34 @@ std::string set_config_value(std::string_view text, std::string_view assignment)
   return emitted(root);
 }
 
+std::optional<std::string> config_word(std::string_view text, const std::string& name,
+                                       std::string_view key) {
+  const YAML::Node root = load(text, name);
+  const YAML::Node found = root[std::string(key)];
+  if (!found) {
+    return std::nullopt;
+  }
+  if (!found.IsScalar()) {
+    throw ConfigError(place(name, found.Mark()) + "'" + std::string(key) + "' must be a word");
+  }
+  return found.Scalar();
+}
+
+std::string without_config_key(std::string_view text, const std::string& name,
+                               std::string_view key) {
+  YAML::Node root = load(text, name);
+  root.remove(std::string(key));
+  return emitted(root);
+}
+
+std::string with_config_section(std::string_view text, const std::string& name,
+                                std::string_view section, std::string_view section_text,
+                                const std::string& section_name) {
+  YAML::Node root = load(text, name);
+  root[std::string(section)] = load(section_text, section_name);
+  return emitted(root);
+}
+
 std::string canonical_config(std::string_view text, const std::string& name) {
   return emitted(load(text, name));
 }
@@ -344,8 +376,8 @@ std::optional<std::string> nearest_word(std::string_view word,
       row[0] = i;
       for (std::size_t j = 1; j <= candidate.size(); ++j) {
         const std::size_t above = row[j];
-        row[j] = std::min({above + 1, row[j - 1] + 1,
-                           diagonal + (word[i - 1] == candidate[j - 1] ? 0U : 1U)});
+        row[j] = std::min(
+            {above + 1, row[j - 1] + 1, diagonal + (word[i - 1] == candidate[j - 1] ? 0U : 1U)});
         diagonal = above;
       }
     }

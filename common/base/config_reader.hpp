@@ -12,10 +12,10 @@ namespace hedgehop {
 
 /// A strict view of one YAML mapping.
 ///
-/// Each key must be read exactly by its name; finish() (or the end of read_config) refuses keys that
-/// nobody read. Every error is a ConfigError that begins with `file:line:` and names the nearest known
-/// key. Duplicate keys are refused when the document is loaded. Angles are written in degrees in the
-/// file and come out in radians.
+/// Each key must be read exactly by its name; finish() (or the end of read_config) refuses keys
+/// that nobody read. Every error is a ConfigError that begins with `file:line:` and names the
+/// nearest known key. Duplicate keys are refused when the document is loaded. Angles are written in
+/// degrees in the file and come out in radians.
 class ConfigReader {
  public:
   /// `name` is what errors call the document; usually its path.
@@ -60,13 +60,28 @@ class ConfigReader {
   std::unique_ptr<Node> node_;
 };
 
-/// Merges documents: `overlay` replaces what `text` says, key by key, mappings merged, lists replaced.
-/// A key that `text` does not know is refused. Returns canonical YAML.
+/// Merges documents: `overlay` replaces what `text` says, key by key, mappings merged, lists
+/// replaced. A key that `text` does not know is refused, unless it is a top-level one in
+/// `ignored_keys`, which is left out. Returns canonical YAML.
 std::string overlay_config(std::string_view text, const std::string& text_name,
-                           std::string_view overlay, const std::string& overlay_name);
+                           std::string_view overlay, const std::string& overlay_name,
+                           const std::vector<std::string>& ignored_keys = {});
 
 /// Applies `a.b.c=value` to a document; unknown keys are refused with the nearest known one.
 std::string set_config_value(std::string_view text, std::string_view assignment);
+
+/// The text under a top-level key whose value is a word; nullopt if there is no such key.
+std::optional<std::string> config_word(std::string_view text, const std::string& name,
+                                       std::string_view key);
+
+/// The document without one top-level key, if it is there.
+std::string without_config_key(std::string_view text, const std::string& name,
+                               std::string_view key);
+
+/// The document with another document as its last top-level section.
+std::string with_config_section(std::string_view text, const std::string& name,
+                                std::string_view section, std::string_view section_text,
+                                const std::string& section_name);
 
 /// The document in a canonical form: comments and layout gone, order of keys kept.
 std::string canonical_config(std::string_view text, const std::string& name);

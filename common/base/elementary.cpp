@@ -11,7 +11,8 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// pi/2 in three parts; the first two have trailing zero bits, so that n * part is exact for n < 2^20.
+// pi/2 in three parts; the first two have trailing zero bits, so that n * part is exact for n <
+// 2^20.
 constexpr double kHalfPi1 = 0x1.921fb544p+0;
 constexpr double kHalfPi2 = 0x1.0b4611a6p-34;
 constexpr double kHalfPi3 = 0x1.3198a2e037073p-69;

@@ -17,7 +17,8 @@ enum class ExitCode : int {
   kInterrupted = 130,
 };
 
-/// An error that a user can act on. what() says what is wrong and where, hint() what to do about it.
+/// An error that a user can act on. what() says what is wrong and where, hint() what to do about
+/// it.
 class UserError : public std::runtime_error {
  public:
   UserError(ExitCode code, const std::string& what, std::string hint = {})
@@ -79,5 +80,6 @@ namespace base {
 }  // namespace hedgehop
 
 /// Checks an invariant of our own code, in every build. Throws std::logic_error.
-#define HEDGEHOP_ASSERT(condition) \
-  ((condition) ? static_cast<void>(0) : ::hedgehop::base::assertion_failed(#condition, __FILE__, __LINE__))
+#define HEDGEHOP_ASSERT(condition)    \
+  ((condition) ? static_cast<void>(0) \
+               : ::hedgehop::base::assertion_failed(#condition, __FILE__, __LINE__))

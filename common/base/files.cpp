@@ -1,12 +1,11 @@
 #include "base/files.hpp"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstring>
+#include <fcntl.h>
 #include <fstream>
 #include <sstream>
+#include <unistd.h>
 
 #include "base/errors.hpp"
 
@@ -59,16 +58,15 @@ std::string read_file(const fs::path& path) {
 }
 
 void write_file_atomically(const fs::path& path, ByteView bytes) {
-  const fs::path temporary = path.parent_path() / ("." + path.filename().string() + ".part-" +
-                                                   std::to_string(::getpid()));
+  const fs::path temporary =
+      path.parent_path() / ("." + path.filename().string() + ".part-" + std::to_string(::getpid()));
   const auto fail = [&](const std::string& what) {
     const std::string text = path.string() + ": " + what + ": " + reason();
     const std::string hint = hint_for_errno();
     ::unlink(temporary.c_str());
     throw SystemFailure(text, hint);
   };
-  const int descriptor =
-      ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  const int descriptor = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (descriptor < 0) {
     fail("cannot be created");
   }

@@ -1,12 +1,11 @@
 #include "base/hash.hpp"
 
-#include <openssl/evp.h>
-#include <xxhash.h>
-
 #include <array>
 #include <charconv>
 #include <fstream>
+#include <openssl/evp.h>
 #include <stdexcept>
+#include <xxhash.h>
 
 #include "base/errors.hpp"
 
@@ -26,7 +25,8 @@ std::string to_hex(std::span<const unsigned char> bytes) {
 
 std::uint64_t parse_hex64(std::string_view digits) {
   std::uint64_t value = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
+  const auto [end, error] =
+      std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
   if (error != std::errc() || end != digits.data() + digits.size()) {
     throw std::invalid_argument("not a hexadecimal hash: '" + std::string(digits) + "'");
   }

@@ -18,7 +18,8 @@ inline ByteView bytes_of(std::string_view text) {
   return std::as_bytes(std::span<const char>(text.data(), text.size()));
 }
 
-/// 128 bits that identify content (XXH3). Guards against damage and mix-ups, not against an attacker.
+/// 128 bits that identify content (XXH3). Guards against damage and mix-ups, not against an
+/// attacker.
 struct Hash128 {
   std::uint64_t high = 0;
   std::uint64_t low = 0;

@@ -6,7 +6,8 @@
 
 namespace hedgehop {
 
-/// What long work tells its caller, and how the caller stops it. Must be safe to call from any thread.
+/// What long work tells its caller, and how the caller stops it. Must be safe to call from any
+/// thread.
 class Observer {
  public:
   virtual ~Observer() = default;

@@ -5,7 +5,8 @@
 
 namespace hedgehop {
 
-/// A point in time: microseconds since the Unix epoch. Comes from messages; only `bus` reads a clock.
+/// A point in time: microseconds since the Unix epoch. Comes from messages; only `bus` reads a
+/// clock.
 struct Time {
   std::int64_t utime_us = 0;
 

@@ -5,16 +5,17 @@
 
 namespace hedgehop::command_model {
 
-/// Constants of the closed-loop response and of its controllers; section `command_model` of a vehicle file.
+/// Constants of the closed-loop response and of its controllers; section `command_model` of a
+/// vehicle file.
 struct ModelParameters {
-  double attitude_frequency_radps = 0.0;   // natural frequency of roll and pitch response
-  double attitude_damping = 0.0;           // damping ratio
+  double attitude_frequency_radps = 0.0;  // natural frequency of roll and pitch response
+  double attitude_damping = 0.0;          // damping ratio
   double pitch_rate_max_radps = 0.0;
   double heave_time_constant_s = 0.0;
-  double speed_gain_radpmps = 0.0;         // commanded pitch per speed error
+  double speed_gain_radpmps = 0.0;  // commanded pitch per speed error
   double heading_gain_1ps = 0.0;
   double heading_rate_damping = 0.0;
-  double climb_gain = 0.0;                 // PID of the climb rate
+  double climb_gain = 0.0;  // PID of the climb rate
   double climb_integral_gain_1ps = 0.0;
   double climb_derivative_gain_s = 0.0;
 };
@@ -28,8 +29,9 @@ struct Vehicle {
 };
 Vehicle read_vehicle(ConfigReader& reader);
 
-/// State of the closed-loop model. Angles counter-clockwise from grid east, bank positive to the LEFT
-/// (it turns the heading counter-clockwise): this is the frame of the mathematics, not of the outputs.
+/// State of the closed-loop model. Angles counter-clockwise from grid east, bank positive to the
+/// LEFT (it turns the heading counter-clockwise): this is the frame of the mathematics, not of the
+/// outputs.
 struct ModelState {
   double x_m = 0.0;
   double y_m = 0.0;
@@ -42,7 +44,7 @@ struct ModelState {
   double pitch_rate_radps = 0.0;
   double climb_rate_mps = 0.0;
   double vertical_acceleration_mps2 = 0.0;
-  double climb_integral_mps = 0.0;       // integrator of the climb-rate controller
+  double climb_integral_mps = 0.0;  // integrator of the climb-rate controller
 };
 
 struct Command {
@@ -51,14 +53,16 @@ struct Command {
   double climb_rate_mps = 0.0;
 };
 
-/// The helicopter as its pilot feels it: attitude command with attitude hold, coordinated turns, rate
-/// command with height hold, and the three controllers that follow heading, speed and climb rate.
+/// The helicopter as its pilot feels it: attitude command with attitude hold, coordinated turns,
+/// rate command with height hold, and the three controllers that follow heading, speed and climb
+/// rate.
 class CommandModel {
  public:
   explicit CommandModel(const Vehicle& vehicle);
 
   /// State after `step_s`; the command is held over the step. Pure.
-  [[nodiscard]] ModelState step(const ModelState& state, const Command& command, double step_s) const;
+  [[nodiscard]] ModelState step(const ModelState& state, const Command& command,
+                                double step_s) const;
 
   [[nodiscard]] const Vehicle& vehicle() const { return vehicle_; }
 

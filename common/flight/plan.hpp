@@ -23,11 +23,11 @@ struct MapIdentity {
 
 /// The global planner's answer, complete enough for the local planner to go on from it alone.
 struct RoutePlan {
-  Hash128 request_id;        // plan_request_id()
+  Hash128 request_id;  // plan_request_id()
   PlanRequest request;
-  std::string config_text;   // effective planning config, canonical YAML
+  std::string config_text;  // effective planning config, canonical YAML
   MapIdentity map;
-  Waypoint start;            // the request's places in the map frame
+  Waypoint start;  // the request's places in the map frame
   Waypoint goal;
   Route route;
 };
@@ -37,14 +37,14 @@ struct Plan {
   RoutePlan route_plan;
   Trajectory trajectory;
   PathMeasures measures;
-  std::int64_t decisions = 0;             // of the local planner, all passes
+  std::int64_t decisions = 0;  // of the local planner, all passes
   std::int64_t infeasible_decisions = 0;
   Verdict verdict;
   std::vector<std::string> warnings;
 };
 
-/// Identity of a plan: hash of map, request, config and seed. The same question has the same id, on the
-/// bus and off it.
+/// Identity of a plan: hash of map, request, config and seed. The same question has the same id, on
+/// the bus and off it.
 Hash128 plan_request_id(const PlanRequest& request, const Hash128& map_hash,
                         const std::string& config_text);
 

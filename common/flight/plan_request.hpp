@@ -10,7 +10,8 @@
 
 namespace hedgehop::flight {
 
-/// A place to be at, with an optional height above the surface model; without one, the reference height.
+/// A place to be at, with an optional height above the surface model; without one, the reference
+/// height.
 struct RequestPoint {
   geo::GeodeticPosition position;
   std::optional<double> height_m;
@@ -20,20 +21,20 @@ struct RequestPoint {
 struct PlanRequest {
   RequestPoint start;
   RequestPoint goal;
-  std::vector<RequestPoint> via;                     // in this order
-  std::optional<double> start_heading_true_rad;      // default: towards the first waypoint
-  std::optional<double> speed_mps;                   // default: config
+  std::vector<RequestPoint> via;                 // in this order
+  std::optional<double> start_heading_true_rad;  // default: towards the first waypoint
+  std::optional<double> speed_mps;               // default: config
   std::uint64_t seed = 1;
-  std::int64_t work_budget = 0;                      // work units of the global planner; 0: config
+  std::int64_t work_budget = 0;  // work units of the global planner; 0: config
 };
 
 /// Why there is no plan. Stable names, used in JSON, messages and statistics.
 enum class NoPlanCause : std::uint8_t {
   kStartOutsideMap,
   kGoalOutsideMap,
-  kStartUnknownTerrain,      // void cells at or around the place
+  kStartUnknownTerrain,  // void cells at or around the place
   kGoalUnknownTerrain,
-  kStartBelowEnvelope,       // inside terrain or closer to the surface than the envelope allows
+  kStartBelowEnvelope,  // inside terrain or closer to the surface than the envelope allows
   kGoalBelowEnvelope,
   kStartAboveEnvelope,
   kGoalAboveEnvelope,

@@ -30,13 +30,13 @@ struct RouteCost {
 
 /// What the global planner found: straight legs between waypoints.
 struct Route {
-  std::vector<Waypoint> waypoints;   // as planned, at least 2, start and goal included
-  std::vector<Waypoint> guide;       // the same polyline at equal spacing, for the local planner
+  std::vector<Waypoint> waypoints;  // as planned, at least 2, start and goal included
+  std::vector<Waypoint> guide;      // the same polyline at equal spacing, for the local planner
   double guide_spacing_m = 0.0;
-  RouteCost cost;                    // integrated at the final, fine step
-  double lower_bound_m = 0.0;        // no route can cost less; 0 if none was computed
-  std::int64_t work_units = 0;       // edge evaluations spent
-  std::int64_t samples = 0;          // states drawn
+  RouteCost cost;               // integrated at the final, fine step
+  double lower_bound_m = 0.0;   // no route can cost less; 0 if none was computed
+  std::int64_t work_units = 0;  // edge evaluations spent
+  std::int64_t samples = 0;     // states drawn
   std::int64_t batches = 0;
 };
 

@@ -12,7 +12,7 @@ struct Limits {
   double speed_max_mps = 0.0;
   double bank_max_rad = 0.0;
   double roll_rate_max_radps = 0.0;
-  double pitch_max_rad = 0.0;          // relative to trim
+  double pitch_max_rad = 0.0;  // relative to trim
   double climb_rate_max_mps = 0.0;
   double descent_rate_max_mps = 0.0;
   double vertical_acceleration_max_mps2 = 0.0;

@@ -10,11 +10,11 @@ namespace hedgehop::flight {
 
 /// One demand that a trajectory breaks.
 struct Violation {
-  std::string rule;      // "clearance", "bank", "roll_rate", "climb_rate", "continuity_position", ...
-  double time_s = 0.0;   // since the start
+  std::string rule;  // "clearance", "bank", "roll_rate", "climb_rate", "continuity_position", ...
+  double time_s = 0.0;  // since the start
   geo::MapPoint place;
-  double value = 0.0;    // what was found, in the unit of the rule (SI, radians)
-  double limit = 0.0;    // what was demanded
+  double value = 0.0;  // what was found, in the unit of the rule (SI, radians)
+  double limit = 0.0;  // what was demanded
 };
 
 /// Result of the independent check of a trajectory.
@@ -30,8 +30,8 @@ struct Verdict {
   double descent_rate_max_mps = 0.0;
   double speed_min_mps = 0.0;
   double speed_max_mps = 0.0;
-  double share_under_ceiling = 0.0;   // of the horizontal length, in [0, 1]
-  double goal_distance_m = 0.0;       // horizontal, of the last state
+  double share_under_ceiling = 0.0;  // of the horizontal length, in [0, 1]
+  double goal_distance_m = 0.0;      // horizontal, of the last state
 };
 
 }  // namespace hedgehop::flight

@@ -17,17 +17,17 @@ namespace hedgehop::global_planning {
 
 /// Section `global` of the planning config.
 struct GlobalOptions {
-  double envelope_floor_m = 0.0;        // least height above the surface
-  double envelope_ceiling_m = 0.0;      // greatest height, looser than what the flight aims for
-  double lateral_margin_m = 0.0;        // floor holds for the highest surface within this distance
-  double climb_angle_max_rad = 0.0;     // of edges, up and down
-  double turn_angle_max_rad = 0.0;      // insertion condition (figure 3 of the paper)
-  double check_step_m = 0.0;            // distance of the discrete checks on an edge
-  double final_check_step_m = 0.0;      // no route leaves that fails at this step
+  double envelope_floor_m = 0.0;     // least height above the surface
+  double envelope_ceiling_m = 0.0;   // greatest height, looser than what the flight aims for
+  double lateral_margin_m = 0.0;     // floor holds for the highest surface within this distance
+  double climb_angle_max_rad = 0.0;  // of edges, up and down
+  double turn_angle_max_rad = 0.0;   // insertion condition (figure 3 of the paper)
+  double check_step_m = 0.0;         // distance of the discrete checks on an edge
+  double final_check_step_m = 0.0;   // no route leaves that fails at this step
   double guide_spacing_m = 0.0;
   std::int64_t batch_size = 0;
-  double radius_factor = 0.0;           // of the r-disc of the random geometric graph
-  std::int64_t work_budget = 0;         // edge evaluations
+  double radius_factor = 0.0;    // of the r-disc of the random geometric graph
+  std::int64_t work_budget = 0;  // edge evaluations
 };
 GlobalOptions read_global_options(ConfigReader& reader);
 
@@ -35,7 +35,7 @@ GlobalOptions read_global_options(ConfigReader& reader);
 struct RouteProgress {
   std::int64_t work_units = 0;
   std::int64_t work_budget = 0;
-  double best_cost_m = 0.0;   // infinity before the first solution
+  double best_cost_m = 0.0;  // infinity before the first solution
   double lower_bound_m = 0.0;
 };
 using OnProgress = std::function<void(const RouteProgress&)>;
@@ -50,8 +50,8 @@ struct RouteProblem {
 
 /// Plans one leg with BIT*, then the shortcut scan and equidistant interpolation.
 ///
-/// A function of its arguments alone: the same bytes for any number of threads. An observer that asks
-/// to stop ends the search with the best route so far, or kStopped.
+/// A function of its arguments alone: the same bytes for any number of threads. An observer that
+/// asks to stop ends the search with the best route so far, or kStopped.
 std::variant<flight::Route, flight::NoPlan> plan_leg(const risk::CostModel& costs,
                                                      const GlobalOptions& options,
                                                      const RouteProblem& problem,

@@ -20,7 +20,8 @@ void update_text(Hasher128& hasher, std::string_view text) {
   hasher.update(text);
 }
 
-// Rows are hashed as they lie in memory: little-endian, south to north. NaN has one bit pattern here.
+// Rows are hashed as they lie in memory: little-endian, south to north. NaN has one bit pattern
+// here.
 void update_heights(Hasher128& hasher, const raster::Grid<float>& grid) {
   std::vector<float> row(static_cast<std::size_t>(grid.columns()));
   for (int r = 0; r < grid.rows(); ++r) {

@@ -15,18 +15,18 @@ namespace hedgehop::map {
 /// Bits of the semantics layer. Bits overlap freely; what a combination costs stands in the config.
 enum class SemanticClass : std::uint16_t {
   kForest = 1U << 0,
-  kTree = 1U << 1,                    // single trees and rows of trees
+  kTree = 1U << 1,  // single trees and rows of trees
   kBuilding = 1U << 2,
-  kBuiltUpArea = 1U << 3,             // residential, commercial, industrial land use as mapped
-  kVillage = 1U << 4,                 // small settlement or stand-alone building, after grow-union-shrink
-  kVillageAdequate = 1U << 5,         // within the adequate distance of one, 30 m in the paper
-  kVillageDesired = 1U << 6,          // within the desired distance of one, 60 m
-  kSettlement = 1U << 7,              // larger settlement
-  kSettlementAdequate = 1U << 8,      // 200 m
-  kSettlementDesired = 1U << 9,       // 400 m
-  kPowerLine = 1U << 10,              // a power line passes through the cell
+  kBuiltUpArea = 1U << 3,      // residential, commercial, industrial land use as mapped
+  kVillage = 1U << 4,          // small settlement or stand-alone building, after grow-union-shrink
+  kVillageAdequate = 1U << 5,  // within the adequate distance of one, 30 m in the paper
+  kVillageDesired = 1U << 6,   // within the desired distance of one, 60 m
+  kSettlement = 1U << 7,       // larger settlement
+  kSettlementAdequate = 1U << 8,  // 200 m
+  kSettlementDesired = 1U << 9,   // 400 m
+  kPowerLine = 1U << 10,          // a power line passes through the cell
   kWater = 1U << 11,
-  kUnmapped = 1U << 15,               // no land-use source covers the cell: unknown, costs as configured
+  kUnmapped = 1U << 15,  // no land-use source covers the cell: unknown, costs as configured
 };
 
 struct SemanticName {
@@ -54,12 +54,12 @@ struct PowerLine {
 struct Map {
   raster::GridGeometry geometry;
   std::string crs_wkt;
-  std::string vertical_datum;             // "EGM96" for example; heights are AMSL in it
-  raster::Grid<float> terrain_m;          // ground elevation, NaN = void
-  raster::Grid<float> surface_m;          // terrain plus trees and buildings, >= terrain, NaN = void
-  raster::Grid<std::uint16_t> semantics;  // bits of SemanticClass
-  raster::Grid<std::uint16_t> visibility; // share of surface points in range that see this one
-  double reference_height_m = 0.0;        // h_ref that the visibility layer was computed for
+  std::string vertical_datum;     // "EGM96" for example; heights are AMSL in it
+  raster::Grid<float> terrain_m;  // ground elevation, NaN = void
+  raster::Grid<float> surface_m;  // terrain plus trees and buildings, >= terrain, NaN = void
+  raster::Grid<std::uint16_t> semantics;   // bits of SemanticClass
+  raster::Grid<std::uint16_t> visibility;  // share of surface points in range that see this one
+  double reference_height_m = 0.0;         // h_ref that the visibility layer was computed for
   double visibility_radius_m = 0.0;
   std::vector<PowerLine> power_lines;
   std::vector<std::string> attributions;  // travel with every product of the map
@@ -67,14 +67,15 @@ struct Map {
   Hash128 hash;                           // map_hash() of all of the above
 };
 
-/// Share of the surroundings that sees a point at reference height over the cell, in [0, 1]; NaN unknown.
+/// Share of the surroundings that sees a point at reference height over the cell, in [0, 1]; NaN
+/// unknown.
 inline double visibility_share(std::uint16_t stored) {
   return stored == kVisibilityUnknown ? std::numeric_limits<double>::quiet_NaN()
                                       : stored / kVisibilityScale;
 }
 
-/// Identity of the content: geometry, CRS, layers, features, attributions, label; not of file names,
-/// times or compression.
+/// Identity of the content: geometry, CRS, layers, features, attributions, label; not of file
+/// names, times or compression.
 Hash128 map_hash(const Map& map);
 
 /// Throws DataError naming what is inconsistent: layer sizes, surface below terrain, hash.

@@ -10,9 +10,9 @@ namespace hedgehop::map {
 inline constexpr int kMapSchemaVersion = 1;
 inline constexpr char kMapManifestFile[] = "manifest.json";
 
-/// Writes manifest.json, terrain.tif, surface.tif, semantics.tif, visibility.tif and features.gpkg into
-/// an existing, empty folder. `provenance_json` is a JSON object (inputs, settings, tool version,
-/// statistics) that becomes part of the manifest. Same map and provenance, same bytes.
+/// Writes manifest.json, terrain.tif, surface.tif, semantics.tif, visibility.tif and features.gpkg
+/// into an existing, empty folder. `provenance_json` is a JSON object (inputs, settings, tool
+/// version, statistics) that becomes part of the manifest. Same map and provenance, same bytes.
 /// Throws SystemFailure when a file cannot be written.
 void write_map_bundle(const Map& map, const std::string& provenance_json,
                       const std::filesystem::path& folder);

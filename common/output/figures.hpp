@@ -9,8 +9,8 @@
 namespace hedgehop::output {
 
 /// Draws the paper's figures 9 and 10 for a plan into `folder` (created): `map.png`, both paths on
-/// surface, visibility and semantics; `profile.png`, height, bank and heading over distance; with the
-/// gnuplot scripts and data beside them. Throws SystemFailure if gnuplot is missing or fails.
+/// surface, visibility and semantics; `profile.png`, height, bank and heading over distance; with
+/// the gnuplot scripts and data beside them. Throws SystemFailure if gnuplot is missing or fails.
 void write_figures(const flight::Plan& plan, const map::Map& map,
                    const std::filesystem::path& folder);
 

@@ -11,8 +11,8 @@ namespace hedgehop::output {
 inline constexpr int kPlanSchemaVersion = 1;
 inline constexpr char kPlanFile[] = "plan.json";
 
-/// Writes plan.json, route.geojson and trajectory.csv into an existing, empty folder. Same plan, same
-/// bytes. Throws SystemFailure.
+/// Writes plan.json, route.geojson and trajectory.csv into an existing, empty folder. Same plan,
+/// same bytes. Throws SystemFailure.
 void write_plan_bundle(const flight::Plan& plan, const std::filesystem::path& folder);
 
 /// Reads a bundle back. Throws DataError naming file, line and field.

@@ -34,8 +34,8 @@ struct PlanningConfig {
 /// Throws ConfigError. `name` is what errors call the document.
 PlanningConfig read_planning_config(const std::string& text, const std::string& name);
 
-/// The shipped planning config with the shipped vehicle, overlaid by a user's file (may be empty: none)
-/// and by `key=value` settings.
+/// The shipped planning config with the shipped vehicle, overlaid by a user's file (may be empty:
+/// none) and by `key=value` settings.
 std::string effective_planning_config(const std::string& config_file,
                                       const std::vector<std::string>& settings);
 
@@ -44,8 +44,8 @@ std::variant<flight::RoutePlan, flight::NoPlan> plan_route(
     const map::Map& map, const flight::PlanRequest& request, const PlanningConfig& config,
     const global_planning::OnProgress& on_progress, Observer& observer);
 
-/// Route -> verified trajectory: what the local_planner service does. `step_model` may be empty: the
-/// command model is then stepped in process.
+/// Route -> verified trajectory: what the local_planner service does. `step_model` may be empty:
+/// the command model is then stepped in process.
 std::variant<flight::Plan, flight::NoPlan> plan_flight(const map::Map& map,
                                                        const flight::RoutePlan& route_plan,
                                                        const PlanningConfig& config,

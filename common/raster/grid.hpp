@@ -12,7 +12,7 @@ namespace hedgehop::raster {
 
 struct CellIndex {
   int column = 0;  // grows east
-  int row = 0;     // grows north; row 0 is the southernmost (files are north-up: flipped on reading)
+  int row = 0;  // grows north; row 0 is the southernmost (files are north-up: flipped on reading)
 
   bool operator==(const CellIndex&) const = default;
 };
@@ -88,11 +88,12 @@ class Grid {
   std::vector<T> values_;
 };
 
-/// Bilinear interpolation between cell centres; constant beyond the outermost centres, NaN outside the
-/// raster and next to a NaN that takes part with a weight above zero.
+/// Bilinear interpolation between cell centres; constant beyond the outermost centres, NaN outside
+/// the raster and next to a NaN that takes part with a weight above zero.
 double sample_bilinear(const Grid<float>& grid, const geo::MapPoint& point);
 
-/// The greatest value of the cells whose area the disc touches; NaN if one of them is NaN or outside.
+/// The greatest value of the cells whose area the disc touches; NaN if one of them is NaN or
+/// outside.
 double max_within(const Grid<float>& grid, const geo::MapPoint& centre, double radius_m);
 
 }  // namespace hedgehop::raster

@@ -94,8 +94,8 @@ double CostModel::semantics(const geo::MapPoint& point) const {
 
 double CostModel::density(const geo::MapPoint& point, double height_m) const {
   const double above_m = height_m - map_->reference_height_m;
-  const double seen = (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) *
-                      visibility(point);
+  const double seen =
+      (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) * visibility(point);
   return 1.0 + weights_.visibility * seen * seen + weights_.semantics * semantics(point) +
          weights_.height_1pm * std::fabs(above_m);
 }
@@ -118,8 +118,8 @@ flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& way
       const double height_m =
           a.altitude_m + t * dz_m - raster::sample_bilinear(map_->surface_m, point);
       const double above_m = height_m - map_->reference_height_m;
-      const double seen = (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) *
-                          visibility(point);
+      const double seen =
+          (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) * visibility(point);
       cost.length_m += ds_m;
       cost.visibility_m += weights_.visibility * seen * seen * ds_m;
       cost.semantics_m += weights_.semantics * semantics(point) * ds_m;

@@ -13,10 +13,10 @@ namespace hedgehop::risk {
 
 /// Weights of eq. (1) of the paper.
 struct CostWeights {
-  double visibility = 0.0;             // c_vis [-]
+  double visibility = 0.0;                 // c_vis [-]
   double visibility_per_height_1pm = 0.0;  // c_vis,h [1/m]
-  double semantics = 0.0;              // c_sem [-]
-  double height_1pm = 0.0;             // c_height [1/m]
+  double semantics = 0.0;                  // c_sem [-]
+  double height_1pm = 0.0;                 // c_height [1/m]
 };
 
 /// Maps a combination of semantic bits to one cost: the first rule whose bits are all set wins.

@@ -1,0 +1,290 @@
+#include "planning/planning.hpp"
+
+#include <cmath>
+
+#include "base/angles.hpp"
+#include "base/elementary.hpp"
+
+namespace hedgehop::planning {
+namespace {
+
+using flight::NoPlan;
+using flight::NoPlanCause;
+
+flight::MapIdentity identity_of(const map::Map& map) {
+  return {map.hash, map.crs_wkt, map.vertical_datum, map.label, map.attributions};
+}
+
+std::string text_of(double value, int decimals) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof buffer, "%.*f", decimals, value);
+  return buffer;
+}
+
+std::string text_of(const geo::GeodeticPosition& position) {
+  return text_of(degrees_from_radians(position.latitude_rad), 5) + "," +
+         text_of(degrees_from_radians(position.longitude_rad), 5);
+}
+
+struct EndCauses {
+  const char* name;
+  NoPlanCause outside, unknown, below, above;
+};
+constexpr EndCauses kStart = {"start", NoPlanCause::kStartOutsideMap,
+                              NoPlanCause::kStartUnknownTerrain, NoPlanCause::kStartBelowEnvelope,
+                              NoPlanCause::kStartAboveEnvelope};
+constexpr EndCauses kGoal = {"goal", NoPlanCause::kGoalOutsideMap, NoPlanCause::kGoalUnknownTerrain,
+                             NoPlanCause::kGoalBelowEnvelope, NoPlanCause::kGoalAboveEnvelope};
+
+// Where the ends of a route may lie: clear of the ground and within what the search may use.
+std::variant<flight::Waypoint, NoPlan> place_end(const map::Map& map,
+                                                 const geo::MapProjection& projection,
+                                                 const PlanningConfig& config,
+                                                 const flight::RequestPoint& request,
+                                                 const EndCauses& causes) {
+  const std::string who = std::string(causes.name) + " " + text_of(request.position);
+  const geo::MapPoint point = projection.to_map(request.position);
+  if (!map.geometry.contains(point)) {
+    return NoPlan{causes.outside, point,
+                  who +
+                      " lies outside the map; choose a place inside (hedgehop info shows its "
+                      "extent) or prepare a larger map"};
+  }
+  const double surface_m = raster::sample_bilinear(map.surface_m, point);
+  const double highest_m = raster::max_within(map.surface_m, point, config.global.lateral_margin_m);
+  if (std::isnan(surface_m) || std::isnan(highest_m)) {
+    return NoPlan{causes.unknown, point,
+                  who + " lies within " + text_of(config.global.lateral_margin_m, 0) +
+                      " m of cells without elevation or of the map's edge; move it, or prepare the "
+                      "map with a source that covers it"};
+  }
+  const double altitude_m =
+      request.height_m ? surface_m + *request.height_m : highest_m + config.reference_height_m;
+  const double height_m = altitude_m - surface_m;
+  if (height_m < config.demands.required_clearance_m) {
+    return NoPlan{
+        causes.below, point,
+        who + " at " + text_of(height_m, 1) +
+            " m above the surface is inside the terrain or closer to it than the required "
+            "clearance of " +
+            text_of(config.demands.required_clearance_m, 1) + " m; raise it"};
+  }
+  if (height_m > config.global.envelope_ceiling_m && request.height_m) {
+    return NoPlan{causes.above, point,
+                  who + " at " + text_of(height_m, 1) +
+                      " m above the surface lies above the flight envelope, which ends at " +
+                      text_of(config.global.envelope_ceiling_m, 1) +
+                      " m; lower it, or raise global.envelope_ceiling_m"};
+  }
+  return flight::Waypoint{point.x_m, point.y_m, altitude_m};
+}
+
+void append_leg(flight::Route& route, const flight::Route& leg) {
+  const auto append = [](std::vector<flight::Waypoint>& to,
+                         const std::vector<flight::Waypoint>& from) {
+    to.insert(to.end(), from.begin() + (to.empty() ? 0 : 1), from.end());
+  };
+  append(route.waypoints, leg.waypoints);
+  append(route.guide, leg.guide);
+  route.guide_spacing_m = leg.guide_spacing_m;
+  route.cost.length_m += leg.cost.length_m;
+  route.cost.visibility_m += leg.cost.visibility_m;
+  route.cost.semantics_m += leg.cost.semantics_m;
+  route.cost.height_m += leg.cost.height_m;
+  route.lower_bound_m += leg.lower_bound_m;
+  route.work_units += leg.work_units;
+  route.samples += leg.samples;
+  route.batches += leg.batches;
+}
+
+flight::Trajectory to_trajectory(const local_planning::Flight& flight, const map::Map& map,
+                                 const geo::MapProjection& projection) {
+  flight::Trajectory trajectory;
+  trajectory.step_s = flight.step_s;
+  trajectory.states.reserve(flight.steps.size());
+  for (std::size_t i = 0; i < flight.steps.size(); ++i) {
+    const local_planning::FlownStep& step = flight.steps[i];
+    const command_model::ModelState& model = step.state;
+    const geo::MapPoint point{model.x_m, model.y_m};
+    const double convergence_rad = projection.convergence_rad(point);
+    const auto true_azimuth_rad = [&](double math_rad) {
+      return true_from_grid_azimuth_rad(azimuth_from_math_angle_rad(math_rad), convergence_rad);
+    };
+    flight::FlightState state;
+    state.time_s = static_cast<double>(i) * flight.step_s;
+    state.x_m = model.x_m;
+    state.y_m = model.y_m;
+    state.altitude_m = model.altitude_m;
+    state.speed_mps = model.speed_mps;
+    state.heading_true_rad = true_azimuth_rad(model.heading_math_rad);
+    state.convergence_rad = convergence_rad;
+    state.bank_rad = -model.bank_left_rad;
+    state.roll_rate_radps = -model.roll_rate_left_radps;
+    state.pitch_rad = model.pitch_rad;
+    state.pitch_rate_radps = model.pitch_rate_radps;
+    state.climb_rate_mps = model.climb_rate_mps;
+    state.vertical_acceleration_mps2 = model.vertical_acceleration_mps2;
+    state.target_heading_true_rad = true_azimuth_rad(step.target_heading_math_rad);
+    state.commanded_heading_true_rad = true_azimuth_rad(step.command.heading_math_rad);
+    state.commanded_climb_angle_rad = step.commanded_climb_angle_rad;
+    state.commanded_speed_mps = step.command.speed_mps;
+    state.surface_m = raster::sample_bilinear(map.surface_m, point);
+    state.terrain_m = raster::sample_bilinear(map.terrain_m, point);
+    trajectory.states.push_back(state);
+  }
+  return trajectory;
+}
+
+}  // namespace
+
+std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
+                                                   const flight::PlanRequest& request,
+                                                   const PlanningConfig& config,
+                                                   const global_planning::OnProgress& on_progress,
+                                                   Observer& observer) {
+  if (std::fabs(map.reference_height_m - config.reference_height_m) > 1e-6) {
+    return NoPlan{NoPlanCause::kReferenceHeightMismatch, std::nullopt,
+                  "the map's visibility was computed for " + text_of(map.reference_height_m, 2) +
+                      " m above the surface, the config asks for reference_height_m " +
+                      text_of(config.reference_height_m, 2) +
+                      "; prepare the map for that height, or change the config"};
+  }
+  const geo::MapProjection projection(map.crs_wkt);
+  std::vector<flight::Waypoint> stops;
+  const auto place = [&](const flight::RequestPoint& point,
+                         const EndCauses& causes) -> std::optional<NoPlan> {
+    auto placed = place_end(map, projection, config, point, causes);
+    if (auto* no_plan = std::get_if<NoPlan>(&placed)) {
+      return std::move(*no_plan);
+    }
+    stops.push_back(std::get<flight::Waypoint>(placed));
+    return std::nullopt;
+  };
+  if (auto no_plan = place(request.start, kStart)) {
+    return *no_plan;
+  }
+  for (const flight::RequestPoint& via : request.via) {
+    if (auto no_plan = place(via, kGoal)) {
+      no_plan->explanation = "via point: " + no_plan->explanation;
+      return *no_plan;
+    }
+  }
+  if (auto no_plan = place(request.goal, kGoal)) {
+    return *no_plan;
+  }
+
+  flight::RoutePlan plan;
+  plan.request_id = flight::plan_request_id(request, map.hash, config.text);
+  plan.request = request;
+  plan.config_text = config.text;
+  plan.map = identity_of(map);
+  plan.start = stops.front();
+  plan.goal = stops.back();
+
+  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility);
+  const std::int64_t budget =
+      request.work_budget > 0 ? request.work_budget : config.global.work_budget;
+  const auto legs = static_cast<std::int64_t>(stops.size()) - 1;
+  for (std::int64_t leg = 0; leg < legs; ++leg) {
+    global_planning::RouteProblem problem;
+    problem.start = stops[static_cast<std::size_t>(leg)];
+    problem.goal = stops[static_cast<std::size_t>(leg + 1)];
+    problem.seed = request.seed + static_cast<std::uint64_t>(leg);
+    problem.work_budget = budget * (leg + 1) / legs - budget * leg / legs;
+    const double dx_m = problem.goal.x_m - problem.start.x_m;
+    const double dy_m = problem.goal.y_m - problem.start.y_m;
+    if (std::sqrt(dx_m * dx_m + dy_m * dy_m) < config.demands.goal_radius_m) {
+      return NoPlan{
+          NoPlanCause::kGoalEqualsStart, problem.goal.point(),
+          "goal " + text_of(request.goal.position) + " lies within " +
+              text_of(config.demands.goal_radius_m, 0) +
+              " m of where the leg starts, which counts as having arrived; choose another goal"};
+    }
+    const auto report = [&](const global_planning::RouteProgress& progress) {
+      global_planning::RouteProgress whole = progress;
+      whole.work_units += plan.route.work_units;
+      whole.work_budget = budget;
+      if (on_progress) {
+        on_progress(whole);
+      }
+    };
+    auto found = global_planning::plan_leg(costs, config.global, problem, report, observer);
+    if (auto* no_plan = std::get_if<NoPlan>(&found)) {
+      return std::move(*no_plan);
+    }
+    append_leg(plan.route, std::get<flight::Route>(found));
+  }
+  return plan;
+}
+
+std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
+                                               const flight::RoutePlan& route_plan,
+                                               const PlanningConfig& config,
+                                               const local_planning::StepModel& step_model,
+                                               Observer& observer) {
+  if (route_plan.map.hash != map.hash) {
+    throw DataError("the route was planned on map " + route_plan.map.hash.hex() +
+                        ", the map at hand is " + map.hash.hex(),
+                    "use the map that the route was planned on");
+  }
+  HEDGEHOP_ASSERT(route_plan.config_text == config.text);
+  HEDGEHOP_ASSERT(route_plan.route.guide.size() >= 2);
+  const geo::MapProjection projection(map.crs_wkt);
+  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility);
+  const command_model::CommandModel model(config.vehicle);
+
+  const flight::Waypoint& first = route_plan.route.guide[0];
+  const flight::Waypoint& second = route_plan.route.guide[1];
+  command_model::ModelState initial;
+  initial.x_m = first.x_m;
+  initial.y_m = first.y_m;
+  initial.altitude_m = first.altitude_m;
+  initial.speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);
+  initial.heading_math_rad =
+      route_plan.request.start_heading_true_rad
+          ? math_angle_from_azimuth_rad(
+                grid_from_true_azimuth_rad(*route_plan.request.start_heading_true_rad,
+                                           projection.convergence_rad(first.point())))
+          : elementary::atan2(second.y_m - first.y_m, second.x_m - first.x_m);
+
+  const local_planning::StepModel in_process =
+      [&](const command_model::ModelState& state, const command_model::Command& command,
+          double step_s) { return model.step(state, command, step_s); };
+  auto flown = local_planning::fly_along(costs, config.vehicle, config.local,
+                                         route_plan.route.guide, initial, initial.speed_mps,
+                                         step_model ? step_model : in_process, observer);
+  if (auto* no_plan = std::get_if<NoPlan>(&flown)) {
+    return std::move(*no_plan);
+  }
+  const auto& flight = std::get<local_planning::Flight>(flown);
+
+  flight::Plan plan;
+  plan.route_plan = route_plan;
+  plan.trajectory = to_trajectory(flight, map, projection);
+  plan.measures = costs.measures(plan.trajectory, config.demands.ceiling_height_m);
+  plan.decisions = flight.decisions;
+  plan.infeasible_decisions = flight.infeasible_decisions;
+  plan.verdict = verification::verify(map, plan.trajectory, route_plan.start, route_plan.goal,
+                                      config.vehicle.limits, config.demands);
+  if (plan.infeasible_decisions > 0) {
+    plan.warnings.push_back("in " + std::to_string(plan.infeasible_decisions) + " of " +
+                            std::to_string(plan.decisions) +
+                            " decisions no direction could be flown within the climb limit; the "
+                            "model climbed and slowed "
+                            "down");
+  }
+  return plan;
+}
+
+std::variant<flight::Plan, NoPlan> plan(const map::Map& map, const flight::PlanRequest& request,
+                                        const PlanningConfig& config,
+                                        const global_planning::OnProgress& on_progress,
+                                        Observer& observer) {
+  auto route = plan_route(map, request, config, on_progress, observer);
+  if (auto* no_plan = std::get_if<NoPlan>(&route)) {
+    return std::move(*no_plan);
+  }
+  return plan_flight(map, std::get<flight::RoutePlan>(route), config, {}, observer);
+}
+
+}  // namespace hedgehop::planning

@@ -1,0 +1,95 @@
+#include <filesystem>
+
+#include "base/config_reader.hpp"
+#include "base/files.hpp"
+#include "base/shipped_config.hpp"
+#include "planning/planning.hpp"
+
+namespace hedgehop::planning {
+namespace {
+
+constexpr char kShippedName[] = "config/planning.yaml";
+
+// A vehicle is named by a path: beside the user's config, or one that ships with hedgehop.
+std::string vehicle_text(const std::string& vehicle_file, const std::string& config_file) {
+  if (!config_file.empty()) {
+    const std::filesystem::path beside =
+        std::filesystem::path(config_file).parent_path() / vehicle_file;
+    std::error_code error;
+    if (std::filesystem::is_regular_file(beside, error)) {
+      return read_file(beside);
+    }
+  }
+  for (const std::string& name : shipped_config_names()) {
+    if (name == vehicle_file) {
+      return std::string(shipped_config(name));
+    }
+  }
+  throw ConfigError((config_file.empty() ? kShippedName : config_file) +
+                        std::string(": vehicle_file '") + vehicle_file +
+                        "' exists neither beside the config nor among the shipped ones",
+                    "vehicles/ec135.yaml is shipped; hedgehop config list shows all");
+}
+
+}  // namespace
+
+PlanningConfig read_planning_config(const std::string& text, const std::string& name) {
+  ConfigReader reader = ConfigReader::from_text(text, name);
+  PlanningConfig config{.text = canonical_config(text, name),
+                        .reference_height_m = reader.required_double("reference_height_m"),
+                        .speed_mps = reader.required_double("speed_mps"),
+                        .unknown_visibility = reader.required_double("unknown_visibility"),
+                        .weights = {},
+                        .semantics = risk::SemanticCostTable({}, 0.0),
+                        .global = {},
+                        .local = {},
+                        .demands = {},
+                        .vehicle = {}};
+  reader.require(config.reference_height_m > 0.0, "reference_height_m", "must be above 0");
+  reader.require(config.unknown_visibility >= 0.0 && config.unknown_visibility <= 1.0,
+                 "unknown_visibility", "must lie between 0 and 1");
+  ConfigReader weights = reader.required_section("weights");
+  config.weights = risk::read_weights(weights);
+  ConfigReader semantics = reader.required_section("semantics");
+  config.semantics = risk::SemanticCostTable::read(semantics);
+  ConfigReader global = reader.required_section("global");
+  config.global = global_planning::read_global_options(global);
+  ConfigReader local = reader.required_section("local");
+  config.local = local_planning::read_local_options(local);
+  ConfigReader demands = reader.required_section("verification");
+  config.demands = verification::read_demands(demands);
+  ConfigReader vehicle = reader.required_section("vehicle");
+  config.vehicle = command_model::read_vehicle(vehicle);
+  reader.finish();
+  reader.require(config.speed_mps >= config.vehicle.limits.speed_min_mps &&
+                     config.speed_mps <= config.vehicle.limits.speed_max_mps,
+                 "speed_mps", "must lie within the vehicle's speed limits");
+  return config;
+}
+
+std::string effective_planning_config(const std::string& config_file,
+                                      const std::vector<std::string>& settings) {
+  std::string text(shipped_config("planning.yaml"));
+  std::string overlay;
+  std::string vehicle_file = config_word(text, kShippedName, "vehicle_file").value();
+  if (!config_file.empty()) {
+    overlay = read_file(config_file);
+    if (const auto chosen = config_word(overlay, config_file, "vehicle_file")) {
+      vehicle_file = *chosen;
+    }
+  }
+  text = without_config_key(text, kShippedName, "vehicle_file");
+  text = with_config_section(text, kShippedName, "vehicle", vehicle_text(vehicle_file, config_file),
+                             vehicle_file);
+  if (!config_file.empty()) {
+    // The overlay itself is merged, not a copy of it: errors then name the line that the user
+    // wrote.
+    text = overlay_config(text, kShippedName, overlay, config_file, {"vehicle_file"});
+  }
+  for (const std::string& setting : settings) {
+    text = set_config_value(text, setting);
+  }
+  return canonical_config(text, "effective configuration");
+}
+
+}  // namespace hedgehop::planning
