@@ -71,6 +71,12 @@ function(hedgehop_test)
     set(ARG_LABELS unit)
   endif()
   add_executable(${ARG_NAME}_test ${ARG_SOURCES})
+  if(unit IN_LIST ARG_LABELS)
+    if(NOT TARGET unit_tests)
+      add_custom_target(unit_tests)  # all that the label unit needs, and no more
+    endif()
+    add_dependencies(unit_tests ${ARG_NAME}_test)
+  endif()
   target_include_directories(${ARG_NAME}_test PRIVATE "${PROJECT_SOURCE_DIR}/tests")
   target_link_libraries(${ARG_NAME}_test PRIVATE
     hedgehop_flags ${ARG_DEPENDS} GTest::gtest GTest::gmock GTest::gtest_main rapidcheck rapidcheck_gtest)
