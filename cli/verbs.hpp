@@ -1,0 +1,14 @@
+#pragma once
+
+#include "console.hpp"
+
+/// One function a verb: it adds the verb's options to the command tree and, when the command line
+/// names it, sets console.action.
+namespace hedgehop::cli {
+
+void add_config_verb(CLI::App& app, Console& console);
+void add_plan_verb(CLI::App& app, Console& console);
+void add_report_verb(CLI::App& app, Console& console);
+void add_verify_verb(CLI::App& app, Console& console);
+
+}  // namespace hedgehop::cli
