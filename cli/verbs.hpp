@@ -8,6 +8,7 @@ namespace hedgehop::cli {
 
 void add_config_verb(CLI::App& app, Console& console);
 void add_plan_verb(CLI::App& app, Console& console);
+void add_prepare_verb(CLI::App& app, Console& console);
 void add_report_verb(CLI::App& app, Console& console);
 void add_verify_verb(CLI::App& app, Console& console);
 

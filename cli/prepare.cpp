@@ -1,0 +1,150 @@
+#include "preparation/prepare.hpp"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/angles.hpp"
+#include "base/files.hpp"
+#include "base/shipped_config.hpp"
+#include "map/map_bundle.hpp"
+#include "plan_result.hpp"
+#include "verbs.hpp"
+
+namespace hedgehop::cli {
+namespace {
+
+struct PrepareArguments {
+  std::vector<std::string> dem, osm, attributions, settings;
+  std::vector<double> bbox_deg;
+  double cell_m = 0.0;
+  std::string crs, label, config_file, out;
+  bool is_overwriting = false;
+};
+
+preparation::PrepareOptions options_of(const PrepareArguments& arguments) {
+  constexpr char kShipped[] = "config/prepare.yaml";
+  std::string text(shipped_config("prepare.yaml"));
+  if (!arguments.config_file.empty()) {
+    text = overlay_config(text, kShipped, read_file(arguments.config_file), arguments.config_file);
+  }
+  for (const std::string& setting : arguments.settings) {
+    text = set_config_value(text, setting);
+  }
+  ConfigReader reader = ConfigReader::from_text(
+      text, arguments.config_file.empty() ? kShipped : "effective configuration");
+  return preparation::PrepareOptions::read(reader);
+}
+
+preparation::PrepareRequest request_of(const PrepareArguments& arguments, const Console& console) {
+  preparation::PrepareRequest request;
+  request.dem_files.assign(arguments.dem.begin(), arguments.dem.end());
+  request.osm_files.assign(arguments.osm.begin(), arguments.osm.end());
+  if (!arguments.bbox_deg.empty()) {
+    geo::GeodeticBox box;
+    box.west_rad = radians_from_degrees(arguments.bbox_deg[0]);
+    box.south_rad = radians_from_degrees(arguments.bbox_deg[1]);
+    box.east_rad = radians_from_degrees(arguments.bbox_deg[2]);
+    box.north_rad = radians_from_degrees(arguments.bbox_deg[3]);
+    request.extent = box;
+  }
+  if (arguments.cell_m > 0.0) {
+    request.cell_m = arguments.cell_m;
+  }
+  request.crs = arguments.crs;
+  request.label = arguments.label;
+  request.attributions = arguments.attributions;
+  request.threads = console.threads;
+  return request;
+}
+
+ExitCode run(const Console& console, const PrepareArguments& arguments) {
+  const preparation::PrepareOptions options = options_of(arguments);
+  const preparation::PrepareRequest request = request_of(arguments, console);
+  StagedFolder folder(arguments.out, map::kMapManifestFile, arguments.is_overwriting);
+  const auto observer = console.observer();
+
+  StageTimer timer;
+  const preparation::PreparedMap prepared = preparation::prepare(request, options, *observer);
+  timer.lap("prepare");
+  observer->check_stop();
+  observer->progress("writing the map", 0.0, 1.0);
+  map::write_map_bundle(prepared.map, prepared.provenance_json, folder.path());
+  observer->progress("writing the map", 1.0, 1.0);
+  observer->check_stop();
+  folder.commit();
+  timer.lap("write");
+
+  const map::Map& map = prepared.map;
+  if (console.is_json) {
+    nlohmann::ordered_json json;
+    json["schema_version"] = 1;
+    json["map"] = arguments.out;
+    json["map_hash"] = map.hash.hex();
+    json["columns"] = map.geometry.columns;
+    json["rows"] = map.geometry.rows;
+    json["cell_m"] = map.geometry.cell_m;
+    json["provenance"] = nlohmann::ordered_json::parse(prepared.provenance_json);
+    std::printf("%s\n", json.dump(2).c_str());
+  } else {
+    std::printf("map           %s\n", arguments.out.c_str());
+    std::printf("size          %d x %d cells of %g m, %.1f x %.1f km\n", map.geometry.columns,
+                map.geometry.rows, map.geometry.cell_m,
+                1e-3 * map.geometry.columns * map.geometry.cell_m,
+                1e-3 * map.geometry.rows * map.geometry.cell_m);
+    std::printf("hash          %s\n", map.hash.hex().c_str());
+    for (const std::string& line : map.attributions) {
+      std::printf("attribution   %s\n", line.c_str());
+    }
+  }
+  return ExitCode::kOk;
+}
+
+}  // namespace
+
+void add_prepare_verb(CLI::App& app, Console& console) {
+  auto* verb = app.add_subcommand("prepare", "Make a map bundle from elevation and land-use files");
+  verb->footer(
+      "Elevation: SRTM .hgt and .hgt.zip, GeoTIFF and whatever else GDAL reads, in any projection. "
+      "Land "
+      "use: OpenStreetMap .osm, .osm.gz, .osm.bz2, .osm.pbf. The bundle holds terrain, surface, "
+      "semantics and visibility as GeoTIFF, power lines as GeoPackage and a manifest; QGIS opens "
+      "all of "
+      "it. The same files and settings give the same bytes.\n"
+      "Example:\n"
+      "  hedgehop prepare --dem N49E011.hgt.zip --dem N50E011.hgt.zip --osm area.osm.pbf \\\n"
+      "                   --bbox 11.38,49.87,11.69,50.11 --out map");
+  auto arguments = std::make_shared<PrepareArguments>();
+  verb->add_option("--dem", arguments->dem,
+                   "Elevation file; repeat it for several, earlier ones win where they overlap")
+      ->required()
+      ->allow_extra_args(false);
+  verb->add_option("--osm", arguments->osm, "OpenStreetMap file; may be repeated")
+      ->allow_extra_args(false);
+  verb->add_option("--bbox", arguments->bbox_deg,
+                   "West,south,east,north in degrees (default: all that the elevation files cover)")
+      ->delimiter(',')
+      ->expected(4);
+  verb->add_option("--cell-m", arguments->cell_m, "Cell size (default: cell_m of the config)")
+      ->check(CLI::Range(0.5, 1000.0));
+  verb->add_option(
+      "--crs", arguments->crs,
+      "Projection of the map, for example EPSG:32632 (default: UTM zone of the centre)");
+  verb->add_option("--label", arguments->label, "Words that every product of the map must show");
+  verb->add_option("--attribution", arguments->attributions,
+                   "A line that every product must carry; may be repeated")
+      ->allow_extra_args(false);
+  verb->add_option("--config", arguments->config_file,
+                   "YAML file whose keys replace those of the shipped prepare.yaml");
+  verb->add_option("--set", arguments->settings, "One setting, key=value; may be repeated")
+      ->allow_extra_args(false);
+  verb->add_option("--out", arguments->out, "Folder to write the map to")->required();
+  verb->add_flag("--overwrite", arguments->is_overwriting, "Replace an existing map in --out");
+  add_common_options(*verb, console);
+  verb->callback([&console, arguments] {
+    console.action = [&console, arguments] { return run(console, *arguments); };
+  });
+}
+
+}  // namespace hedgehop::cli
