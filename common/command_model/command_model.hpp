@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "base/config_reader.hpp"
 #include "flight/vehicle.hpp"
 
@@ -19,6 +21,7 @@ struct ModelParameters {
   double climb_integral_gain_1ps = 0.0;
   double climb_derivative_gain_s = 0.0;
 };
+/// Throws ConfigError; constants that make the heading loop unstable are refused, see CommandModel.
 ModelParameters read_model_parameters(ConfigReader& reader);
 
 /// A vehicle file: name, `limits`, `command_model`.
@@ -53,21 +56,62 @@ struct Command {
   double climb_rate_mps = 0.0;
 };
 
+/// Trimmed flight on a straight line: wings level, climbing steadily with the integrator settled.
+ModelState trimmed_state(double x_m, double y_m, double altitude_m, double speed_mps,
+                         double heading_math_rad, double climb_rate_mps);
+
 /// The helicopter as its pilot feels it: attitude command with attitude hold, coordinated turns,
 /// rate command with height hold, and the three controllers that follow heading, speed and climb
 /// rate.
+///
+///     roll     phi'' = w^2 (phi_c - phi) - 2 zeta w phi'
+///     pitch    the same with theta
+///     turn     chi'  = g / V tan phi
+///     speed    V'    = -g tan theta
+///     heave    h''   = clamp((u - h') / T, +- a_max)
+///
+///     heading  phi_c = clamp(atan(V / g (k_chi wrap(chi_c - chi) - k_r chi')), +- bank limit)
+///     speed    theta_c = clamp(-k_V (V_c - V), +- pitch limit)
+///     climb    u = K_p e + I - K_d h'',  e = h'_c - h',  I' = K_i e unless u or h'' is saturated
+///              and e drives it further
+///
+/// phi    bank, left positive; w, zeta: attitude_frequency_radps, attitude_damping
+/// theta  pitch relative to trim, nose up positive
+/// V      horizontal ground speed; chi: heading = track, counter-clockwise from east
+/// T, K   heave_time_constant_s and the climb gains
+///
+/// Attitude and heave are stepped by their exact solution for a command held over the step;
+/// heading, speed, place and altitude by the trapezoidal rule, so that neighbouring states agree
+/// with each other to second order in the step. Stable for steps up to 0.2 s.
+/// vertical_acceleration_mps2 is the mean over the step that led to the state.
+///
+/// Commands are limited to what the vehicle may do. States that start within the limits stay within
+/// them: bank and its rate (also as a difference quotient), pitch and its rate, speed, climb rate,
+/// vertical acceleration. To that end attitude commands stop short of the limit by the worst
+/// overshoot that any command sequence can cause, (1 + o) / (1 - o) with o = exp(-pi zeta / sqrt(1
+/// - zeta^2)).
+///
+/// The heading loop is stable while 2 zeta w (1 + k_r) > k_chi (Routh).
 class CommandModel {
  public:
   explicit CommandModel(const Vehicle& vehicle);
 
   /// State after `step_s`; the command is held over the step. Pure.
+  ///
+  /// @param step_s  in (0, 0.2]
+  /// @throws std::invalid_argument  if the step is out of range.
   [[nodiscard]] ModelState step(const ModelState& state, const Command& command,
                                 double step_s) const;
 
   [[nodiscard]] const Vehicle& vehicle() const { return vehicle_; }
 
+  /// Steepest bank that the heading controller asks for [rad], a little less than the limit.
+  [[nodiscard]] double bank_command_max_rad() const { return bank_command_max_rad_; }
+
  private:
   Vehicle vehicle_;
+  double bank_command_max_rad_;
+  double pitch_command_max_rad_;
 };
 
 }  // namespace hedgehop::command_model

@@ -1,0 +1,285 @@
+#include "command_model/command_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <gtest/gtest.h>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "base/angles.hpp"
+#include "base/shipped_config.hpp"
+
+namespace hedgehop::command_model {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+Vehicle shipped_vehicle() {
+  ConfigReader reader =
+      ConfigReader::from_text(shipped_config("vehicles/ec135.yaml"), "vehicles/ec135.yaml");
+  return read_vehicle(reader);
+}
+
+ModelState level_flight(double speed_mps) {
+  return trimmed_state(0.0, 0.0, 100.0, speed_mps, 0.0, 0.0);
+}
+
+TEST(CommandModel, TrimmedFlightStaysOnAStraightLine) {
+  const CommandModel model(shipped_vehicle());
+  ModelState state = trimmed_state(10.0, -20.0, 300.0, 40.0, 0.5 * kPi, 3.0);
+  for (int i = 0; i < 200; ++i) {
+    state = model.step(state, {40.0, 0.5 * kPi, 3.0}, 0.05);
+  }
+  EXPECT_NEAR(state.x_m, 10.0, 1e-9);
+  EXPECT_NEAR(state.y_m, -20.0 + 40.0 * 10.0, 1e-9);
+  EXPECT_NEAR(state.altitude_m, 300.0 + 3.0 * 10.0, 1e-9);
+  EXPECT_EQ(state.bank_left_rad, 0.0);
+  EXPECT_NEAR(state.climb_rate_mps, 3.0, 1e-12);
+}
+
+TEST(CommandModel, RollInFollowsTheSecondOrderStepResponse) {
+  Vehicle vehicle = shipped_vehicle();
+  vehicle.limits.roll_rate_max_radps = 100.0;
+  const CommandModel model(vehicle);
+  const double target_rad = model.bank_command_max_rad();
+  const double w = vehicle.model.attitude_frequency_radps;
+  const double zeta = vehicle.model.attitude_damping;
+  const double wd = w * std::sqrt(1.0 - zeta * zeta);
+  for (const double step_s : {0.01, 0.05, 0.2}) {
+    ModelState state = level_flight(40.0);
+    for (int i = 1; i * step_s <= 2.0; ++i) {
+      // A heading error of nearly pi saturates the bank command for as long as it lasts.
+      state = model.step(state, {40.0, state.heading_math_rad + 3.0, 0.0}, step_s);
+      const double t = i * step_s;
+      const double closed_form_rad =
+          target_rad *
+          (1.0 - std::exp(-zeta * w * t) * (std::cos(wd * t) + zeta * w / wd * std::sin(wd * t)));
+      EXPECT_NEAR(state.bank_left_rad, closed_form_rad, 1e-12) << "step " << step_s << " t " << t;
+      const double closed_form_rate_radps =
+          target_rad * w * w / wd * std::exp(-zeta * w * t) * std::sin(wd * t);
+      EXPECT_NEAR(state.roll_rate_left_radps, closed_form_rate_radps, 1e-12);
+    }
+  }
+}
+
+TEST(CommandModel, SteadyTurnHasTheCoordinatedRadius) {
+  const Vehicle vehicle = shipped_vehicle();
+  const CommandModel model(vehicle);
+  for (const double speed_mps : {20.0, 40.0, 60.0}) {
+    ModelState state = level_flight(speed_mps);
+    const auto turn_left = [&] {
+      state = model.step(state, {speed_mps, state.heading_math_rad + 2.5, 0.0}, 0.05);
+    };
+    for (int i = 0; i < 200; ++i) {
+      turn_left();
+    }
+    // Three points of a circle give its centre.
+    std::vector<ModelState> points;
+    for (int i = 0; i < 3; ++i) {
+      points.push_back(state);
+      for (int j = 0; j < 60; ++j) {
+        turn_left();
+      }
+    }
+    const double ax = points[0].x_m, ay = points[0].y_m;
+    const double bx = points[1].x_m - ax, by = points[1].y_m - ay;
+    const double cx = points[2].x_m - ax, cy = points[2].y_m - ay;
+    const double d = 2.0 * (bx * cy - by * cx);
+    const double ux = (cy * (bx * bx + by * by) - by * (cx * cx + cy * cy)) / d;
+    const double uy = (bx * (cx * cx + cy * cy) - cx * (bx * bx + by * by)) / d;
+    const double expected_m =
+        speed_mps * speed_mps / (9.80665 * std::tan(model.bank_command_max_rad()));
+    EXPECT_NEAR(std::hypot(ux, uy), expected_m, 1e-4 * expected_m);
+    EXPECT_GT(d, 0.0) << "the turn goes to the left";
+  }
+}
+
+TEST(CommandModel, HeaveFollowsTheFirstOrderStepResponse) {
+  // With P control alone: T h'' = K (c - h') - h', so h' = c K / (1 + K) (1 - exp(-(1 + K) t / T)).
+  Vehicle vehicle = shipped_vehicle();
+  vehicle.model.climb_integral_gain_1ps = 0.0;
+  vehicle.model.climb_derivative_gain_s = 0.0;
+  vehicle.limits.vertical_acceleration_max_mps2 = 1000.0;
+  const CommandModel model(vehicle);
+  const double gain = vehicle.model.climb_gain;
+  const double step_s = 0.0005;
+  ModelState state = level_flight(40.0);
+  double altitude_m = state.altitude_m;
+  const double rate = (1.0 + gain) / vehicle.model.heave_time_constant_s;
+  for (int i = 1; i <= 4000; ++i) {
+    state = model.step(state, {40.0, 0.0, 5.0}, step_s);
+    const double t = i * step_s;
+    const double steady_mps = 5.0 * gain / (1.0 + gain);
+    EXPECT_NEAR(state.climb_rate_mps, steady_mps * (1.0 - std::exp(-rate * t)), 2e-3);
+    altitude_m = 100.0 + steady_mps * (t - (1.0 - std::exp(-rate * t)) / rate);
+  }
+  EXPECT_NEAR(state.altitude_m, altitude_m, 2e-3);
+}
+
+TEST(CommandModel, ControllersLeaveNoSteadyError) {
+  const CommandModel model(shipped_vehicle());
+  ModelState state = level_flight(40.0);
+  for (int i = 0; i < 1200; ++i) {
+    state = model.step(state, {46.0, -2.0, -4.0}, 0.05);
+  }
+  EXPECT_NEAR(state.speed_mps, 46.0, 1e-6);
+  EXPECT_NEAR(state.heading_math_rad, -2.0, 1e-6);
+  EXPECT_NEAR(state.climb_rate_mps, -4.0, 1e-6);
+  EXPECT_NEAR(state.bank_left_rad, 0.0, 1e-6);
+  EXPECT_NEAR(state.pitch_rad, 0.0, 1e-6);
+}
+
+TEST(CommandModel, HeadingStepDoesNotOvershootByMoreThanOnePercent) {
+  const CommandModel model(shipped_vehicle());
+  for (const double speed_mps : {20.0, 40.0, 60.0}) {
+    ModelState state = level_flight(speed_mps);
+    double greatest_rad = 0.0;
+    for (int i = 0; i < 800; ++i) {
+      state = model.step(state, {speed_mps, 0.5, 0.0}, 0.05);
+      greatest_rad = std::max(greatest_rad, state.heading_math_rad);
+    }
+    EXPECT_LE(greatest_rad, 0.5 * 1.01);
+  }
+}
+
+TEST(CommandModel, RandomCommandsNeverBreakALimit) {
+  const Vehicle vehicle = shipped_vehicle();
+  const CommandModel model(vehicle);
+  const flight::Limits& limits = vehicle.limits;
+  const auto seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  const double rounding = 1.0 + 1e-9;
+  for (int flight = 0; flight < 40; ++flight) {
+    const double step_s = flight % 4 == 0 ? 0.2 : uniform(0.01, 0.2);
+    ModelState state = level_flight(uniform(limits.speed_min_mps, limits.speed_max_mps));
+    Command command{40.0, 0.0, 0.0};
+    // Bang-bang commands at every pace, the resonant one included, and far beyond what is allowed.
+    const double change_share = uniform(0.005, 0.5);
+    for (int i = 0; i < 2000; ++i) {
+      if (uniform(0.0, 1.0) < change_share) {
+        command.speed_mps = uniform(-50.0, 150.0);
+        command.climb_rate_mps = uniform(-30.0, 30.0);
+      }
+      if (uniform(0.0, 1.0) < change_share) {
+        command.heading_math_rad = uniform(-10.0, 10.0);
+      }
+      const ModelState next = model.step(state, command, step_s);
+      ASSERT_LE(std::fabs(next.bank_left_rad), limits.bank_max_rad * rounding);
+      ASSERT_LE(std::fabs(next.roll_rate_left_radps), limits.roll_rate_max_radps * rounding);
+      ASSERT_LE(std::fabs(next.bank_left_rad - state.bank_left_rad),
+                limits.roll_rate_max_radps * step_s * rounding);
+      ASSERT_LE(std::fabs(next.pitch_rad), limits.pitch_max_rad * rounding);
+      ASSERT_LE(std::fabs(next.pitch_rate_radps), vehicle.model.pitch_rate_max_radps * rounding);
+      ASSERT_GE(next.speed_mps, limits.speed_min_mps);
+      ASSERT_LE(next.speed_mps, limits.speed_max_mps);
+      ASSERT_LE(next.climb_rate_mps, limits.climb_rate_max_mps);
+      ASSERT_GE(next.climb_rate_mps, -limits.descent_rate_max_mps);
+      ASSERT_LE(std::fabs(next.vertical_acceleration_mps2),
+                limits.vertical_acceleration_max_mps2 * rounding);
+      ASSERT_LE(std::fabs(next.climb_rate_mps - state.climb_rate_mps),
+                limits.vertical_acceleration_max_mps2 * step_s * rounding);
+      // Neighbouring states agree: speed with pitch, whether or not a limit was met.
+      const double speed_change_mps =
+          -9.80665 * step_s * 0.5 * (std::tan(state.pitch_rad) + std::tan(next.pitch_rad));
+      if (next.speed_mps > limits.speed_min_mps && next.speed_mps < limits.speed_max_mps) {
+        ASSERT_NEAR(next.speed_mps - state.speed_mps, speed_change_mps, 1e-9);
+      }
+      const double turn_rad = step_s * 9.80665 * 0.5 *
+                              (std::tan(state.bank_left_rad) / state.speed_mps +
+                               std::tan(next.bank_left_rad) / next.speed_mps);
+      ASSERT_NEAR(wrap_to_pi(next.heading_math_rad - state.heading_math_rad - turn_rad), 0.0, 1e-9);
+      state = next;
+    }
+  }
+}
+
+TEST(CommandModel, PositionAgreesWithTheVelocityToSecondOrderOfTheStep) {
+  // The chord between two states against the arc of mean speed and mean heading.
+  const CommandModel model(shipped_vehicle());
+  double residual_m[2] = {0.0, 0.0};
+  for (const int halvings : {0, 1}) {
+    const double step_s = 0.1 / (1 << halvings);
+    ModelState state = level_flight(40.0);
+    for (int i = 0; i < static_cast<int>(12.0 / step_s + 0.5); ++i) {
+      const ModelState next = model.step(state, {45.0, 2.0, 4.0}, step_s);
+      const double turn_rad = wrap_to_pi(next.heading_math_rad - state.heading_math_rad);
+      const double middle_rad = state.heading_math_rad + 0.5 * turn_rad;
+      const double arc_m = 0.5 * (state.speed_mps + next.speed_mps) * step_s;
+      residual_m[halvings] = std::max(
+          residual_m[halvings], std::hypot(next.x_m - state.x_m - arc_m * std::cos(middle_rad),
+                                           next.y_m - state.y_m - arc_m * std::sin(middle_rad)));
+      EXPECT_NEAR(next.altitude_m - state.altitude_m,
+                  0.5 * step_s * (state.climb_rate_mps + next.climb_rate_mps), 1e-9);
+      state = next;
+    }
+  }
+  EXPECT_LT(residual_m[0], 1e-3);
+  EXPECT_LT(residual_m[1], residual_m[0] / 6.0) << "third order for one step";
+}
+
+TEST(CommandModel, FlightDependsLittleOnTheStep) {
+  const CommandModel model(shipped_vehicle());
+  const auto flown = [&](double step_s) {
+    ModelState state = level_flight(40.0);
+    for (int i = 0; i < static_cast<int>(40.0 / step_s + 0.5); ++i) {
+      const double t = i * step_s;
+      state = model.step(
+          state, {t < 20.0 ? 40.0 : 30.0, t < 10.0 ? 1.0 : -0.5, t < 16.0 ? 6.0 : -3.0}, step_s);
+    }
+    return state;
+  };
+  const ModelState fine = flown(0.001);
+  const auto distance_m = [&](const ModelState& state) {
+    return std::hypot(state.x_m - fine.x_m, state.y_m - fine.y_m);
+  };
+  // 40 s of flight are about 1,400 m.
+  EXPECT_LT(distance_m(flown(0.05)), 5.0);
+  EXPECT_LT(distance_m(flown(0.2)), 20.0);
+  EXPECT_LT(distance_m(flown(0.05)), distance_m(flown(0.2)));
+  EXPECT_NEAR(flown(0.05).altitude_m, fine.altitude_m, 1.0);
+  EXPECT_NEAR(flown(0.2).altitude_m, fine.altitude_m, 4.0);
+}
+
+TEST(CommandModel, StepsOfAFifthOfASecondAreStable) {
+  const CommandModel model(shipped_vehicle());
+  ModelState state = level_flight(20.0);
+  double late_roll_rate_radps = 0.0;
+  for (int i = 0; i < 400; ++i) {
+    state = model.step(state, {20.0, 1.0, 5.0}, 0.2);
+    if (i >= 200) {
+      late_roll_rate_radps = std::max(late_roll_rate_radps, std::fabs(state.roll_rate_left_radps));
+    }
+  }
+  EXPECT_LT(late_roll_rate_radps, 1e-6);
+  EXPECT_NEAR(state.climb_rate_mps, 5.0, 1e-6);
+}
+
+TEST(CommandModel, MirroredCommandsGiveTheMirroredFlight) {
+  const CommandModel model(shipped_vehicle());
+  ModelState left = level_flight(40.0);
+  ModelState right = level_flight(40.0);
+  for (int i = 0; i < 400; ++i) {
+    const double heading_rad = 1.5 * std::sin(0.02 * i);
+    left = model.step(left, {40.0, heading_rad, 1.0}, 0.05);
+    right = model.step(right, {40.0, -heading_rad, 1.0}, 0.05);
+  }
+  EXPECT_NEAR(left.x_m, right.x_m, 1e-9);
+  EXPECT_NEAR(left.y_m, -right.y_m, 1e-9);
+  EXPECT_NEAR(left.bank_left_rad, -right.bank_left_rad, 1e-12);
+  EXPECT_GT(std::fabs(left.y_m), 10.0);
+}
+
+TEST(CommandModel, StepOutsideItsRangeIsRefused) {
+  const CommandModel model(shipped_vehicle());
+  EXPECT_THROW((void)model.step(level_flight(40.0), {}, 0.0), std::invalid_argument);
+  EXPECT_THROW((void)model.step(level_flight(40.0), {}, 0.21), std::invalid_argument);
+  EXPECT_THROW((void)model.step(level_flight(40.0), {}, std::nan("")), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace hedgehop::command_model
