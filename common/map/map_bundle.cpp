@@ -1,0 +1,614 @@
+#include "map/map_bundle.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cpl_conv.h>
+#include <cpl_error.h>
+#include <cpl_string.h>
+#include <cpl_vsi.h>
+#include <gdal_priv.h>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <ogrsf_frmts.h>
+#include <optional>
+#include <system_error>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+#include "base/files.hpp"
+
+namespace hedgehop::map {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr char kSchemaName[] = "hedgehop map";
+constexpr std::int64_t kSideCellsMax = 200'000;
+constexpr std::int64_t kCellsMax = 400'000'000;
+constexpr std::uintmax_t kManifestBytesMax = 64U << 20U;
+constexpr std::int64_t kPolesMax = 20'000'000;
+constexpr char kPrepareAgain[] = "prepare the map again";
+// Deflate cannot shrink by more than 1032; a file that claims more cells than that is damaged.
+constexpr double kDeflateRatioMax = 1100.0;
+
+struct DatasetCloser {
+  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
+};
+using DatasetPointer = std::unique_ptr<GDALDataset, DatasetCloser>;
+
+// Collects GDAL's errors of this thread instead of printing them.
+class GdalErrors {
+ public:
+  GdalErrors() { CPLPushErrorHandlerEx(&GdalErrors::on_error, this); }
+  ~GdalErrors() { CPLPopErrorHandler(); }
+  GdalErrors(const GdalErrors&) = delete;
+  GdalErrors& operator=(const GdalErrors&) = delete;
+  [[nodiscard]] const std::string& first() const { return first_; }
+
+ private:
+  static void CPL_STDCALL on_error(CPLErr severity, CPLErrorNum, const char* text) {
+    auto* self = static_cast<GdalErrors*>(CPLGetErrorHandlerUserData());
+    if (severity >= CE_Failure && self->first_.empty()) {
+      self->first_ = text;
+    }
+  }
+  std::string first_;
+};
+
+// Values of this thread, put back at the end.
+class GdalSetting {
+ public:
+  GdalSetting(const char* key, const char* value) : key_(key) {
+    const char* before = CPLGetThreadLocalConfigOption(key, nullptr);
+    if (before != nullptr) {
+      before_ = before;
+    }
+    CPLSetThreadLocalConfigOption(key, value);
+  }
+  ~GdalSetting() { CPLSetThreadLocalConfigOption(key_, before_ ? before_->c_str() : nullptr); }
+  GdalSetting(const GdalSetting&) = delete;
+  GdalSetting& operator=(const GdalSetting&) = delete;
+
+ private:
+  const char* key_;
+  std::optional<std::string> before_;
+};
+
+// A file in memory, so that a full disk is met by write_file_atomically alone, which reports it.
+class MemoryFile {
+ public:
+  explicit MemoryFile(const std::string& name)
+      : folder_("/vsimem/hedgehop_" + std::to_string(reinterpret_cast<std::uintptr_t>(this))),
+        path_(folder_ + "/" + name) {}
+  ~MemoryFile() { VSIRmdirRecursive(folder_.c_str()); }
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+
+  [[nodiscard]] const char* path() const { return path_.c_str(); }
+  [[nodiscard]] ByteView bytes() const {
+    vsi_l_offset size = 0;
+    const GByte* data = VSIGetMemFileBuffer(path_.c_str(), &size, FALSE);
+    HEDGEHOP_ASSERT(data != nullptr);
+    return std::as_bytes(std::span<const GByte>(data, static_cast<std::size_t>(size)));
+  }
+
+ private:
+  std::string folder_;
+  std::string path_;
+};
+
+template <typename T>
+constexpr GDALDataType gdal_type() {
+  return std::is_same_v<T, float> ? GDT_Float32 : GDT_UInt16;
+}
+
+void require_written(bool condition, const GdalErrors& errors, const fs::path& file) {
+  if (!condition || !errors.first().empty()) {
+    throw SystemFailure(file.string() + ": cannot be written: " + errors.first());
+  }
+}
+
+std::optional<OGRSpatialReference> spatial_reference(const std::string& wkt) {
+  if (wkt.empty()) {
+    return std::nullopt;
+  }
+  OGRSpatialReference reference;
+  const char* text = wkt.c_str();
+  if (reference.importFromWkt(&text) != OGRERR_NONE) {
+    throw DataError("map: its coordinate system is not valid WKT", kPrepareAgain);
+  }
+  reference.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+  return reference;
+}
+
+struct LayerStyle {
+  const char* description;
+  const char* unit;
+  double no_data;
+  double scale;
+};
+
+template <typename T>
+void write_layer(const Map& map, const raster::Grid<T>& grid, const LayerStyle& style,
+                 const std::vector<std::pair<std::string, std::string>>& metadata,
+                 const fs::path& file) {
+  const MemoryFile memory(file.filename().string());
+  {
+    GdalErrors errors;
+    GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GTiff");
+    HEDGEHOP_ASSERT(driver != nullptr);
+    CPLStringList options;
+    options.SetNameValue("COMPRESS", "DEFLATE");
+    options.SetNameValue("ZLEVEL", "6");
+    options.SetNameValue("PREDICTOR", std::is_same_v<T, float> ? "3" : "2");
+    options.SetNameValue("TILED", "YES");
+    options.SetNameValue("BIGTIFF", "IF_SAFER");
+    DatasetPointer dataset(driver->Create(memory.path(), grid.columns(), grid.rows(), 1,
+                                          gdal_type<T>(), options.List()));
+    require_written(dataset != nullptr, errors, file);
+    std::array<double, 6> transform = {
+        map.geometry.west_m, map.geometry.cell_m, 0.0, map.geometry.north_m(), 0.0,
+        -map.geometry.cell_m};
+    require_written(dataset->SetGeoTransform(transform.data()) == CE_None, errors, file);
+    const auto reference = spatial_reference(map.crs_wkt);
+    if (reference) {
+      require_written(dataset->SetSpatialRef(&*reference) == CE_None, errors, file);
+    }
+    GDALRasterBand* band = dataset->GetRasterBand(1);
+    band->SetDescription(style.description);
+    if (*style.unit != '\0') {
+      band->SetUnitType(style.unit);
+    }
+    if (style.scale != 1.0) {
+      band->SetScale(style.scale);
+    }
+    if (!std::is_same_v<T, std::uint16_t> || style.no_data != 0.0) {
+      band->SetNoDataValue(style.no_data);
+    }
+    for (const auto& [key, value] : metadata) {
+      band->SetMetadataItem(key.c_str(), value.c_str());
+    }
+    for (int row = 0; row < grid.rows(); ++row) {
+      const int file_row = grid.rows() - 1 - row;
+      const CPLErr result =
+          band->RasterIO(GF_Write, 0, file_row, grid.columns(), 1, const_cast<T*>(grid.row(row)),
+                         grid.columns(), 1, gdal_type<T>(), 0, 0, nullptr);
+      require_written(result == CE_None, errors, file);
+    }
+    dataset->FlushCache(true);
+    dataset.reset();
+    require_written(true, errors, file);
+  }
+  write_file_atomically(file, memory.bytes());
+}
+
+void write_features(const Map& map, const fs::path& file) {
+  const MemoryFile memory(file.filename().string());
+  {
+    GdalErrors errors;
+    const GdalSetting date("OGR_CURRENT_DATE", "2000-01-01T00:00:00.000Z");
+    const GdalSetting synchronous("OGR_SQLITE_SYNCHRONOUS", "OFF");
+    GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GPKG");
+    HEDGEHOP_ASSERT(driver != nullptr);
+    DatasetPointer dataset(driver->Create(memory.path(), 0, 0, 0, GDT_Unknown, nullptr));
+    require_written(dataset != nullptr, errors, file);
+    auto reference = spatial_reference(map.crs_wkt);
+    OGRSpatialReference* srs = reference ? &*reference : nullptr;
+
+    OGRLayer* lines = dataset->CreateLayer("power_lines", srs, wkbLineString, nullptr);
+    OGRLayer* poles = dataset->CreateLayer("power_poles", srs, wkbPoint, nullptr);
+    require_written(lines != nullptr && poles != nullptr, errors, file);
+    OGRFieldDefn line_number("line_number", OFTInteger64);
+    OGRFieldDefn pole_number("pole_number", OFTInteger64);
+    OGRFieldDefn source_id("source_id", OFTInteger64);
+    OGRFieldDefn height_m("height_m", OFTReal);
+    for (OGRFieldDefn* field : {&line_number, &source_id}) {
+      require_written(lines->CreateField(field) == OGRERR_NONE, errors, file);
+    }
+    for (OGRFieldDefn* field : {&line_number, &pole_number, &source_id, &height_m}) {
+      require_written(poles->CreateField(field) == OGRERR_NONE, errors, file);
+    }
+    require_written(dataset->StartTransaction() == OGRERR_NONE, errors, file);
+    for (std::size_t l = 0; l < map.power_lines.size(); ++l) {
+      const PowerLine& line = map.power_lines[l];
+      OGRFeature line_feature(lines->GetLayerDefn());
+      line_feature.SetField("line_number", static_cast<GIntBig>(l));
+      line_feature.SetField("source_id", static_cast<GIntBig>(line.source_id));
+      OGRLineString geometry;
+      for (std::size_t p = 0; p < line.poles.size(); ++p) {
+        const PowerLine::Pole& pole = line.poles[p];
+        geometry.addPoint(pole.point.x_m, pole.point.y_m);
+        OGRFeature pole_feature(poles->GetLayerDefn());
+        pole_feature.SetField("line_number", static_cast<GIntBig>(l));
+        pole_feature.SetField("pole_number", static_cast<GIntBig>(p));
+        pole_feature.SetField("source_id", static_cast<GIntBig>(line.source_id));
+        pole_feature.SetField("height_m", pole.height_m);
+        OGRPoint point(pole.point.x_m, pole.point.y_m);
+        pole_feature.SetGeometry(&point);
+        require_written(poles->CreateFeature(&pole_feature) == OGRERR_NONE, errors, file);
+      }
+      line_feature.SetGeometry(&geometry);
+      require_written(lines->CreateFeature(&line_feature) == OGRERR_NONE, errors, file);
+    }
+    require_written(dataset->CommitTransaction() == OGRERR_NONE, errors, file);
+    dataset->FlushCache(true);
+    dataset.reset();
+    require_written(true, errors, file);
+  }
+  write_file_atomically(file, memory.bytes());
+}
+
+template <typename T>
+std::int64_t count_of(const raster::Grid<T>& grid, bool (*matches)(T)) {
+  return std::count_if(grid.values().begin(), grid.values().end(), matches);
+}
+
+Json geodetic_extent(const Map& map) {
+  if (map.crs_wkt.empty()) {
+    return nullptr;
+  }
+  // The outline is curved in degrees, so its sides are followed, not only its corners.
+  const geo::MapProjection projection(map.crs_wkt);
+  double west = 1e9, south = 1e9, east = -1e9, north = -1e9;
+  constexpr int kSteps = 32;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double x_m =
+        map.geometry.west_m + (map.geometry.east_m() - map.geometry.west_m) * i / kSteps;
+    const double y_m =
+        map.geometry.south_m + (map.geometry.north_m() - map.geometry.south_m) * i / kSteps;
+    for (const geo::MapPoint& point :
+         {geo::MapPoint{x_m, map.geometry.south_m}, geo::MapPoint{x_m, map.geometry.north_m()},
+          geo::MapPoint{map.geometry.west_m, y_m}, geo::MapPoint{map.geometry.east_m(), y_m}}) {
+      const geo::GeodeticPosition position = projection.to_geodetic(point);
+      west = std::min(west, position.longitude_rad);
+      east = std::max(east, position.longitude_rad);
+      south = std::min(south, position.latitude_rad);
+      north = std::max(north, position.latitude_rad);
+    }
+  }
+  const auto degrees = [](double angle_rad) {
+    return std::round(degrees_from_radians(angle_rad) * 1e7) / 1e7;
+  };
+  return Json{{"west", degrees(west)},
+              {"south", degrees(south)},
+              {"east", degrees(east)},
+              {"north", degrees(north)}};
+}
+
+Json manifest_of(const Map& map, const std::string& provenance_json) {
+  const raster::GridGeometry& g = map.geometry;
+  Json manifest;
+  manifest["schema"] = kSchemaName;
+  manifest["schema_version"] = kMapSchemaVersion;
+  manifest["map_hash"] = map.hash.hex();
+  manifest["label"] = map.label;
+  manifest["crs_code"] = map.crs_wkt.empty() ? "" : geo::MapProjection(map.crs_wkt).code();
+  manifest["crs_wkt"] = map.crs_wkt;
+  manifest["vertical_datum"] = map.vertical_datum;
+  manifest["cell_m"] = g.cell_m;
+  manifest["columns"] = g.columns;
+  manifest["rows"] = g.rows;
+  manifest["extent_m"] =
+      Json{{"west", g.west_m}, {"south", g.south_m}, {"east", g.east_m()}, {"north", g.north_m()}};
+  manifest["extent_deg"] = geodetic_extent(map);
+  manifest["reference_height_m"] = map.reference_height_m;
+  manifest["visibility_radius_m"] = map.visibility_radius_m;
+  manifest["layers"] = Json{
+      {"terrain", "terrain.tif: ground elevation [m], float32 in steps of 1/64 m, NaN unknown"},
+      {"surface",
+       "surface.tif: terrain and what stands on it [m], float32 in steps of 1/64 m, NaN unknown"},
+      {"semantics", "semantics.tif: uint16, bits may overlap"},
+      {"visibility",
+       "visibility.tif: uint16, share of the surroundings that sees a point at reference height x "
+       "65534, 65535 unknown"},
+      {"features", "features.gpkg: power_lines, power_poles"}};
+  Json bits = Json::object();
+  for (const SemanticName& name : semantic_names()) {
+    bits[std::string(name.name)] = static_cast<std::uint16_t>(name.bit);
+  }
+  manifest["semantic_bits"] = std::move(bits);
+  manifest["void_count"] = count_of<float>(map.terrain_m, [](float v) { return std::isnan(v); });
+  manifest["unknown_visibility_count"] = count_of<std::uint16_t>(
+      map.visibility, [](std::uint16_t v) { return v == kVisibilityUnknown; });
+  manifest["unmapped_count"] = count_of<std::uint16_t>(map.semantics, [](std::uint16_t v) {
+    return (v & static_cast<std::uint16_t>(SemanticClass::kUnmapped)) != 0;
+  });
+  manifest["power_line_count"] = map.power_lines.size();
+  manifest["attributions"] = map.attributions;
+
+  const Json provenance = Json::parse(provenance_json, nullptr, false);
+  if (!provenance.is_object()) {
+    throw std::invalid_argument("write_map_bundle: provenance is not a JSON object");
+  }
+  for (const auto& [key, value] : provenance.items()) {
+    if (manifest.contains(key)) {
+      throw std::invalid_argument("write_map_bundle: provenance key '" + key +
+                                  "' belongs to the bundle itself");
+    }
+    manifest[key] = value;
+  }
+  return manifest;
+}
+
+std::string text_of_manifest(const fs::path& folder) {
+  const fs::path file = folder / kMapManifestFile;
+  std::error_code error;
+  if (!fs::exists(folder, error)) {
+    throw DataError(folder.string() + ": no such folder",
+                    "give the folder that 'hedgehop prepare --out' wrote");
+  }
+  if (!fs::is_regular_file(file, error)) {
+    throw DataError(folder.string() + ": is no map bundle, it holds no " + kMapManifestFile,
+                    "give the folder that 'hedgehop prepare --out' wrote");
+  }
+  if (fs::file_size(file, error) > kManifestBytesMax || error) {
+    throw DataError(file.string() + ": is too large to be a manifest", kPrepareAgain);
+  }
+  return read_file(file);
+}
+
+// One typed value of the manifest.
+template <typename T>
+T value_of(const Json& manifest, const char* key, const fs::path& file) {
+  const auto refuse = [&](const char* why) {
+    throw DataError(file.string() + ": '" + key + "' " + why, kPrepareAgain);
+  };
+  const auto entry = manifest.find(key);
+  if (entry == manifest.end()) {
+    refuse("is missing");
+  }
+  if constexpr (std::is_same_v<T, std::string>) {
+    if (!entry->is_string()) {
+      refuse("is not a text");
+    }
+  } else if constexpr (std::is_same_v<T, double>) {
+    if (!entry->is_number()) {
+      refuse("is not a number");
+    }
+  } else {
+    if (!entry->is_number_integer()) {
+      refuse("is not a whole number");
+    }
+  }
+  return entry->template get<T>();
+}
+
+Json parsed_manifest(const std::string& text, const fs::path& file) {
+  Json manifest = Json::parse(text, nullptr, false);
+  if (manifest.is_discarded() || !manifest.is_object()) {
+    throw DataError(file.string() + ": is not a JSON object", kPrepareAgain);
+  }
+  const auto schema = manifest.find("schema");
+  if (schema == manifest.end() || !schema->is_string() || *schema != kSchemaName) {
+    throw DataError(file.string() + ": is not the manifest of a hedgehop map",
+                    "give the folder that 'hedgehop prepare --out' wrote");
+  }
+  const auto version = value_of<std::int64_t>(manifest, "schema_version", file);
+  if (version != kMapSchemaVersion) {
+    throw DataError(file.string() + ": has schema version " + std::to_string(version) +
+                        ", this program reads " + std::to_string(kMapSchemaVersion),
+                    "prepare the map again with this version");
+  }
+  return manifest;
+}
+
+template <typename T>
+raster::Grid<T> read_layer(const raster::GridGeometry& geometry, const fs::path& file) {
+  const auto refuse = [&](const std::string& why) {
+    throw DataError(file.string() + ": " + why, kPrepareAgain);
+  };
+  std::error_code error;
+  if (!fs::is_regular_file(file, error)) {
+    refuse("is missing");
+  }
+  const std::uintmax_t bytes = fs::file_size(file, error);
+  const double bytes_unpacked = static_cast<double>(geometry.cell_count()) * sizeof(T);
+  if (error || static_cast<double>(bytes) * kDeflateRatioMax < bytes_unpacked) {
+    refuse("is too short for its number of cells");
+  }
+  GdalErrors errors;
+  static const char* const kDrivers[] = {"GTiff", nullptr};
+  static const char* const kNoSiblings[] = {nullptr};
+  const DatasetPointer dataset(static_cast<GDALDataset*>(
+      GDALOpenEx(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_INTERNAL, kDrivers,
+                 nullptr, kNoSiblings)));
+  if (!dataset) {
+    refuse("is not a GeoTIFF: " + errors.first());
+  }
+  if (dataset->GetRasterXSize() != geometry.columns || dataset->GetRasterYSize() != geometry.rows) {
+    refuse("has " + std::to_string(dataset->GetRasterXSize()) + " x " +
+           std::to_string(dataset->GetRasterYSize()) + " cells, the manifest says " +
+           std::to_string(geometry.columns) + " x " + std::to_string(geometry.rows));
+  }
+  if (dataset->GetRasterCount() != 1 ||
+      dataset->GetRasterBand(1)->GetRasterDataType() != gdal_type<T>()) {
+    refuse("has another number or type of bands than this layer");
+  }
+  std::array<double, 6> transform{};
+  const double tolerance_m = 1e-6 * geometry.cell_m;
+  if (dataset->GetGeoTransform(transform.data()) != CE_None ||
+      !(std::fabs(transform[0] - geometry.west_m) < tolerance_m) ||
+      !(std::fabs(transform[3] - geometry.north_m()) < tolerance_m) ||
+      !(std::fabs(transform[1] - geometry.cell_m) < 1e-9 * geometry.cell_m) ||
+      !(std::fabs(transform[5] + geometry.cell_m) < 1e-9 * geometry.cell_m) ||
+      transform[2] != 0.0 || transform[4] != 0.0) {
+    refuse("lies elsewhere than the manifest says");
+  }
+  GDALRasterBand* band = dataset->GetRasterBand(1);
+  int block_columns = 0;
+  int block_rows = 0;
+  band->GetBlockSize(&block_columns, &block_rows);
+  if (static_cast<std::int64_t>(block_columns) * block_rows >
+      std::max<std::int64_t>(1 << 22, static_cast<std::int64_t>(geometry.cell_count()))) {
+    refuse("has blocks larger than itself");
+  }
+  raster::Grid<T> grid(geometry, T{});
+  for (int row = 0; row < geometry.rows; ++row) {
+    if (band->RasterIO(GF_Read, 0, geometry.rows - 1 - row, geometry.columns, 1, grid.row(row),
+                       geometry.columns, 1, gdal_type<T>(), 0, 0, nullptr) != CE_None) {
+      refuse("cannot be read: " + errors.first());
+    }
+  }
+  return grid;
+}
+
+std::vector<PowerLine> read_features(const fs::path& file) {
+  const auto refuse = [&](const std::string& why) {
+    throw DataError(file.string() + ": " + why, kPrepareAgain);
+  };
+  std::error_code error;
+  if (!fs::is_regular_file(file, error)) {
+    refuse("is missing");
+  }
+  GdalErrors errors;
+  static const char* const kDrivers[] = {"GPKG", nullptr};
+  static const char* const kNoSiblings[] = {nullptr};
+  const DatasetPointer dataset(static_cast<GDALDataset*>(
+      GDALOpenEx(file.c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY, kDrivers, nullptr, kNoSiblings)));
+  if (!dataset) {
+    refuse("is not a GeoPackage: " + errors.first());
+  }
+  OGRLayer* layer = dataset->GetLayerByName("power_poles");
+  if (layer == nullptr) {
+    refuse("has no layer power_poles");
+  }
+  const OGRFeatureDefn* fields = layer->GetLayerDefn();
+  const int line_field = fields->GetFieldIndex("line_number");
+  const int pole_field = fields->GetFieldIndex("pole_number");
+  const int source_field = fields->GetFieldIndex("source_id");
+  const int height_field = fields->GetFieldIndex("height_m");
+  if (line_field < 0 || pole_field < 0 || source_field < 0 || height_field < 0) {
+    refuse("layer power_poles lacks a column");
+  }
+  std::vector<PowerLine> lines;
+  std::int64_t pole_count = 0;
+  for (const auto& feature : *layer) {
+    const std::int64_t line = feature->GetFieldAsInteger64(line_field);
+    const std::int64_t pole = feature->GetFieldAsInteger64(pole_field);
+    if (pole == 0 && line == static_cast<std::int64_t>(lines.size())) {
+      lines.push_back({feature->GetFieldAsInteger64(source_field), {}});
+    }
+    if (lines.empty() || line != static_cast<std::int64_t>(lines.size()) - 1 ||
+        pole != static_cast<std::int64_t>(lines.back().poles.size()) || ++pole_count > kPolesMax) {
+      refuse("layer power_poles is not in the order of its numbers");
+    }
+    const OGRGeometry* geometry = feature->GetGeometryRef();
+    const double height_m = feature->GetFieldAsDouble(height_field);
+    if (geometry == nullptr || wkbFlatten(geometry->getGeometryType()) != wkbPoint ||
+        !std::isfinite(height_m)) {
+      refuse("layer power_poles holds something that is no pole");
+    }
+    const OGRPoint* point = geometry->toPoint();
+    if (!std::isfinite(point->getX()) || !std::isfinite(point->getY())) {
+      refuse("layer power_poles holds a pole without a place");
+    }
+    lines.back().poles.push_back({{point->getX(), point->getY()}, height_m});
+  }
+  if (!errors.first().empty()) {
+    refuse("cannot be read: " + errors.first());
+  }
+  return lines;
+}
+
+// Drivers are registered once for each process, whoever comes first; GDAL guards it.
+void register_drivers() { GDALAllRegister(); }
+
+}  // namespace
+
+void write_map_bundle(const Map& map, const std::string& provenance_json, const fs::path& folder) {
+  register_drivers();
+  const std::string manifest = manifest_of(map, provenance_json).dump(2) + "\n";
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::pair<std::string, std::string>> datum = {
+      {"VERTICAL_DATUM", map.vertical_datum}};
+  write_layer(map, map.terrain_m, {"terrain elevation", "m", nan, 1.0}, datum,
+              folder / "terrain.tif");
+  write_layer(map, map.surface_m, {"surface elevation", "m", nan, 1.0}, datum,
+              folder / "surface.tif");
+  std::vector<std::pair<std::string, std::string>> bits;
+  for (const SemanticName& name : semantic_names()) {
+    bits.emplace_back("BIT_" + std::to_string(static_cast<std::uint16_t>(name.bit)),
+                      std::string(name.name));
+  }
+  write_layer(map, map.semantics, {"semantic classes, a bit each", "", 0.0, 1.0}, bits,
+              folder / "semantics.tif");
+  write_layer(map, map.visibility,
+              {"share of the surroundings that sees a point at reference height", "",
+               static_cast<double>(kVisibilityUnknown), 1.0 / kVisibilityScale},
+              {}, folder / "visibility.tif");
+  write_features(map, folder / "features.gpkg");
+  write_file_atomically(folder / kMapManifestFile, manifest);
+}
+
+Map read_map_bundle(const fs::path& folder) {
+  register_drivers();
+  const fs::path file = folder / kMapManifestFile;
+  const Json manifest = parsed_manifest(text_of_manifest(folder), file);
+
+  Map map;
+  const auto columns = value_of<std::int64_t>(manifest, "columns", file);
+  const auto rows = value_of<std::int64_t>(manifest, "rows", file);
+  if (columns < 1 || rows < 1 || columns > kSideCellsMax || rows > kSideCellsMax ||
+      columns * rows > kCellsMax) {
+    throw DataError(file.string() + ": " + std::to_string(columns) + " x " + std::to_string(rows) +
+                        " cells are not possible",
+                    kPrepareAgain);
+  }
+  const auto extent = manifest.find("extent_m");
+  if (extent == manifest.end() || !extent->is_object()) {
+    throw DataError(file.string() + ": 'extent_m' is missing", kPrepareAgain);
+  }
+  map.geometry = {value_of<double>(*extent, "west", file), value_of<double>(*extent, "south", file),
+                  value_of<double>(manifest, "cell_m", file), static_cast<int>(columns),
+                  static_cast<int>(rows)};
+  if (!(map.geometry.cell_m > 0.0) || !(map.geometry.cell_m < 1e6) ||
+      !(std::fabs(map.geometry.west_m) < 1e9) || !(std::fabs(map.geometry.south_m) < 1e9)) {
+    throw DataError(file.string() + ": extent or cell size is out of range", kPrepareAgain);
+  }
+  map.crs_wkt = value_of<std::string>(manifest, "crs_wkt", file);
+  if (!map.crs_wkt.empty()) {
+    const geo::MapProjection checked(map.crs_wkt);
+  }
+  map.vertical_datum = value_of<std::string>(manifest, "vertical_datum", file);
+  map.reference_height_m = value_of<double>(manifest, "reference_height_m", file);
+  map.visibility_radius_m = value_of<double>(manifest, "visibility_radius_m", file);
+  map.label = value_of<std::string>(manifest, "label", file);
+  const auto attributions = manifest.find("attributions");
+  if (attributions == manifest.end() || !attributions->is_array()) {
+    throw DataError(file.string() + ": 'attributions' is missing", kPrepareAgain);
+  }
+  for (const Json& line : *attributions) {
+    if (!line.is_string()) {
+      throw DataError(file.string() + ": 'attributions' holds something that is no text",
+                      kPrepareAgain);
+    }
+    map.attributions.push_back(line.get<std::string>());
+  }
+  try {
+    map.hash = hash128_from_hex(value_of<std::string>(manifest, "map_hash", file));
+  } catch (const std::invalid_argument& error) {
+    throw DataError(file.string() + ": 'map_hash': " + error.what(), kPrepareAgain);
+  }
+  map.terrain_m = read_layer<float>(map.geometry, folder / "terrain.tif");
+  map.surface_m = read_layer<float>(map.geometry, folder / "surface.tif");
+  map.semantics = read_layer<std::uint16_t>(map.geometry, folder / "semantics.tif");
+  map.visibility = read_layer<std::uint16_t>(map.geometry, folder / "visibility.tif");
+  map.power_lines = read_features(folder / "features.gpkg");
+  try {
+    validate(map);
+  } catch (const DataError& error) {
+    throw DataError(folder.string() + ": " + error.what(), error.hint());
+  }
+  return map;
+}
+
+std::string read_map_manifest(const fs::path& folder) {
+  const fs::path file = folder / kMapManifestFile;
+  std::string text = text_of_manifest(folder);
+  (void)parsed_manifest(text, file);
+  return text;
+}
+
+}  // namespace hedgehop::map
