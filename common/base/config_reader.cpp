@@ -93,6 +93,28 @@ std::string known_keys_hint(std::string_view key, const YAML::Node& node) {
   return nearest ? "did you mean '" + *nearest + "'?" : "";
 }
 
+// What a value in a user's document must be to stand for the one in the shipped document; the
+// reader would find it too, but could no longer tell the line that the user wrote.
+void check_same_kind(const YAML::Node& shipped, const YAML::Node& value, const std::string& key,
+                     const std::string& where) {
+  double number = 0.0;
+  bool flag = false;
+  const char* kind = nullptr;
+  if (shipped.IsSequence()) {
+    kind = value.IsSequence() ? nullptr : "a list";
+  } else if (!value.IsScalar()) {
+    kind = "a single value";
+  } else if (shipped.Tag() != "!" && YAML::convert<double>::decode(shipped, number)) {
+    kind = YAML::convert<double>::decode(value, number) && std::isfinite(number) ? nullptr
+                                                                                 : "a number";
+  } else if (shipped.Tag() != "!" && YAML::convert<bool>::decode(shipped, flag)) {
+    kind = YAML::convert<bool>::decode(value, flag) ? nullptr : "true or false";
+  }
+  if (kind != nullptr) {
+    throw ConfigError(where + "'" + key + "' must be " + kind);
+  }
+}
+
 // yaml-cpp nodes are references: assigning to an element changes the document.
 void merge_into(YAML::Node base, const YAML::Node& overlay, const std::string& overlay_name) {
   for (const auto& entry : overlay) {
@@ -107,6 +129,7 @@ void merge_into(YAML::Node base, const YAML::Node& overlay, const std::string& o
       throw ConfigError(place(overlay_name, entry.second.Mark()) + "'" + key + "' must be a " +
                         (base[key].IsMap() ? "mapping" : "single value or list"));
     } else {
+      check_same_kind(base[key], entry.second, key, place(overlay_name, entry.second.Mark()));
       base[key] = entry.second;
     }
   }
@@ -322,6 +345,9 @@ std::string set_config_value(std::string_view text, std::string_view assignment)
     const YAML::Node value = YAML::Load(std::string(assignment.substr(equals + 1)));
     if (value.IsMap() != node.IsMap() || value.IsSequence() != node.IsSequence()) {
       throw ConfigError(name + ": the value has another shape than the one it replaces");
+    }
+    if (!value.IsMap()) {
+      check_same_kind(node, value, std::string(assignment.substr(0, equals)), name + ": ");
     }
     node = value;
   } catch (const YAML::Exception& error) {
