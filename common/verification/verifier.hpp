@@ -22,6 +22,22 @@ Demands read_demands(ConfigReader& reader);
 
 /// Checks a finished trajectory on its own terms: own interpolation, own geometry, own kinematics.
 /// Shares no code with the planners.
+///
+/// The path between two states is the cubic through their places and velocities; its clearance is
+/// that of the chord, in closed form over the interpolated surface, less a proven bound of how far
+/// the cubic strays from the chord. So `clearance_min_m` is never too great, and too small by
+/// millimetres.
+///
+/// Rules, by the names in the verdict: `clearance`, `wire_clearance` (distance to the curtain below
+/// the straight conductor of each power line), `unknown_surface`, `outside_map`; `bank`,
+/// `roll_rate`, `pitch`, `climb_rate`, `descent_rate`, `vertical_acceleration`, `speed_min`,
+/// `speed_max`; `start`, `goal`, `share_under_ceiling`; `surface_column`, `terrain_column`;
+/// `states`, `finite`, `time_step`; `continuity_position`, `_altitude`, `_heading`, `_bank`,
+/// `_pitch`, `_speed`, `_climb_rate`,
+/// `_roll_rate`, `_pitch_rate`. Each state or step that breaks a rule counts once.
+///
+/// Values of unknown things (a void, a state that is not finite) are NaN, also in the verdict's
+/// figures when nothing could be measured.
 flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory,
                        const flight::Waypoint& start, const flight::Waypoint& goal,
                        const flight::Limits& limits, const Demands& demands);

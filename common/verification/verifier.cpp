@@ -1,0 +1,550 @@
+#include "verification/verifier.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+
+#include "base/angles.hpp"
+#include "base/elementary.hpp"
+#include "geo/map_projection.hpp"
+#include "verification/surface_sweep.hpp"
+#include "verification/wire_distance.hpp"
+
+namespace hedgehop::verification {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kViolationsKept = 100;
+
+// Room for the rounding of numbers that went through files, relative to a limit.
+constexpr double kLimitRounding = 1e-6;
+constexpr double kTimeRounding_s = 1e-6;
+constexpr double kColumnRounding_m = 1e-3;
+constexpr double kConvergenceRounding_rad = 1e-6;
+
+// Longer steps leave too much unsaid between two states for any check of what happens there.
+constexpr double kStepMax_s = 0.25;
+
+// How two neighbouring states must agree.
+//
+// A quantity q and its rate f are compared by the trapezoidal rule: dq = h (f0 + f1) / 2. Two
+// things may stand between a right trajectory and that rule:
+// - the integrator. Explicit or semi-implicit Euler uses f0 or f1 alone, and is off by h |f1 - f0|
+// / 2.
+//   So is, at most, any method as long as f is monotone within the step. In steady flight this
+//   vanishes.
+// - the curvature of f within the step, at most h^3 / 12 max |f''|. The bounds below are those of
+// the
+//   fastest closed-loop response that is worth its name for a helicopter: roll and pitch accelerate
+//   with at most 10 rad/s^2 and change that within 1/4 s, climb changes its acceleration within 1/4
+//   s.
+// A fault larger than the sum is found. At 40 m/s and 50 ms in steady flight these are 0.2 mm of 2
+// m, 1e-5 rad of heading per radian per second of roll rate, and so on.
+constexpr double kRollAcceleration_radps2 = 10.0;
+constexpr double kResponseTime_s = 0.25;
+constexpr double kPositionRounding_m = 1e-5;
+constexpr double kAngleRounding_rad = 1e-6;
+constexpr double kSpeedRounding_mps = 1e-5;
+
+struct Finding {
+  double severity = 0.0;  // share of the limit by which it is broken; infinite for what is unknown
+  flight::Violation violation;
+};
+
+// Collects what is broken, rule by rule.
+class Findings {
+ public:
+  void add(const char* rule, const flight::FlightState& state, double value, double limit) {
+    add(rule, state.time_s, state.point(), value, limit);
+  }
+
+  void add(const char* rule, double time_s, const geo::MapPoint& place, double value,
+           double limit) {
+    const double excess = std::fabs(value - limit) / std::max(std::fabs(limit), 1e-9);
+    const double severity = std::isfinite(excess) ? excess : kInfinity;
+    by_rule_[rule].push_back({severity, {rule, time_s, place, value, limit}});
+    ++count_;
+  }
+
+  [[nodiscard]] std::int64_t count() const { return count_; }
+
+  // Sorted by rule, then worst first. Each rule keeps its worst ones; room is shared evenly.
+  [[nodiscard]] std::vector<flight::Violation> worst() {
+    std::size_t longest = 0;
+    for (auto& [rule, findings] : by_rule_) {
+      std::stable_sort(findings.begin(), findings.end(),
+                       [](const Finding& a, const Finding& b) { return a.severity > b.severity; });
+      longest = std::max(longest, findings.size());
+    }
+    std::map<std::string, std::size_t> kept;
+    std::size_t total = 0;
+    for (std::size_t rank = 0; rank < longest && total < kViolationsKept; ++rank) {
+      for (const auto& [rule, findings] : by_rule_) {
+        if (rank < findings.size() && total < kViolationsKept) {
+          ++kept[rule];
+          ++total;
+        }
+      }
+    }
+    std::vector<flight::Violation> worst;
+    for (const auto& [rule, findings] : by_rule_) {
+      for (std::size_t i = 0; i < kept[rule]; ++i) {
+        worst.push_back(findings[i].violation);
+      }
+    }
+    return worst;
+  }
+
+ private:
+  std::map<std::string, std::vector<Finding>> by_rule_;
+  std::int64_t count_ = 0;
+};
+
+bool is_finite(const flight::FlightState& s) {
+  for (const double value :
+       {s.time_s, s.x_m, s.y_m, s.altitude_m, s.speed_mps, s.heading_true_rad, s.convergence_rad,
+        s.bank_rad, s.roll_rate_radps, s.pitch_rad, s.pitch_rate_radps, s.climb_rate_mps,
+        s.vertical_acceleration_mps2, s.target_heading_true_rad, s.commanded_heading_true_rad,
+        s.commanded_climb_angle_rad, s.commanded_speed_mps, s.surface_m, s.terrain_m}) {
+    if (!std::isfinite(value)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+double distance_m(const geo::MapPoint& a, const geo::MapPoint& b) {
+  const double dx_m = a.x_m - b.x_m;
+  const double dy_m = a.y_m - b.y_m;
+  return std::sqrt(dx_m * dx_m + dy_m * dy_m);
+}
+
+struct Velocity {
+  double x_mps = 0.0;
+  double y_mps = 0.0;
+};
+
+Velocity velocity_of(const flight::FlightState& state) {
+  const double azimuth_rad =
+      grid_from_true_azimuth_rad(state.heading_true_rad, state.convergence_rad);
+  return {state.speed_mps * elementary::sin(azimuth_rad),
+          state.speed_mps * elementary::cos(azimuth_rad)};
+}
+
+double length_of(const Velocity& velocity) {
+  return std::sqrt(velocity.x_mps * velocity.x_mps + velocity.y_mps * velocity.y_mps);
+}
+
+void check_limits(const flight::FlightState& state, const flight::Limits& limits,
+                  Findings& findings) {
+  const auto at_most = [&](const char* rule, double value, double limit) {
+    if (!(value <= limit * (1.0 + kLimitRounding))) {
+      findings.add(rule, state, value, limit);
+    }
+  };
+  at_most("bank", std::fabs(state.bank_rad), limits.bank_max_rad);
+  at_most("roll_rate", std::fabs(state.roll_rate_radps), limits.roll_rate_max_radps);
+  at_most("pitch", std::fabs(state.pitch_rad), limits.pitch_max_rad);
+  at_most("climb_rate", state.climb_rate_mps, limits.climb_rate_max_mps);
+  at_most("descent_rate", -state.climb_rate_mps, limits.descent_rate_max_mps);
+  at_most("vertical_acceleration", std::fabs(state.vertical_acceleration_mps2),
+          limits.vertical_acceleration_max_mps2);
+  at_most("speed_max", state.speed_mps, limits.speed_max_mps);
+  if (!(state.speed_mps >= limits.speed_min_mps * (1.0 - kLimitRounding))) {
+    findings.add("speed_min", state, state.speed_mps, limits.speed_min_mps);
+  }
+}
+
+// Columns that say where a state is: what lies below it and where grid north points. `projection` may be
+// null, for a map without a coordinate system.
+void check_columns(const map::Map& map, const geo::MapProjection* projection,
+                   const flight::FlightState& state, Findings& findings) {
+  const double surface_m = interpolated_height_m(map.surface_m, state.point());
+  const double terrain_m = interpolated_height_m(map.terrain_m, state.point());
+  if (!(std::fabs(state.surface_m - surface_m) <= kColumnRounding_m)) {
+    findings.add("surface_column", state, state.surface_m, surface_m);
+  }
+  if (!(std::fabs(state.terrain_m - terrain_m) <= kColumnRounding_m)) {
+    findings.add("terrain_column", state, state.terrain_m, terrain_m);
+  }
+  if (projection != nullptr) {
+    const double convergence_rad = projection->convergence_rad(state.point());
+    if (!(std::fabs(state.convergence_rad - convergence_rad) <= kConvergenceRounding_rad)) {
+      findings.add("convergence_column", state, state.convergence_rad, convergence_rad);
+    }
+  }
+}
+
+// One quantity over one step: its change, its rate at both ends, and the greatest second derivative
+// of the rate within the step.
+struct Change {
+  double change = 0.0;
+  double rate_before = 0.0;
+  double rate_after = 0.0;
+  double rate_curvature = 0.0;
+  double rounding = 0.0;
+};
+
+void check_change(const char* rule, const flight::FlightState& state, double step_s,
+                  const Change& c, Findings& findings) {
+  const double residual = c.change - 0.5 * step_s * (c.rate_before + c.rate_after);
+  const double tolerance = 0.5 * step_s * std::fabs(c.rate_after - c.rate_before) +
+                           step_s * step_s * step_s / 12.0 * c.rate_curvature + c.rounding;
+  if (!(std::fabs(residual) <= tolerance)) {
+    findings.add(rule, state, std::fabs(residual), tolerance);
+  }
+}
+
+// Whether two states a step apart belong to one flight. Findings carry the later state's place.
+void check_continuity(const flight::FlightState& a, const flight::FlightState& b, double step_s,
+                      const flight::Limits& limits, Findings& findings) {
+  if (!(std::fabs(b.time_s - a.time_s - step_s) <= kTimeRounding_s)) {
+    findings.add("time_step", b, b.time_s - a.time_s, step_s);
+  }
+  const double tan_a = elementary::tan(a.bank_rad);
+  const double tan_b = elementary::tan(b.bank_rad);
+  const double tan_bank = std::max(std::fabs(tan_a), std::fabs(tan_b));
+  const double speed_mps = std::max(std::min(a.speed_mps, b.speed_mps), 1.0);
+  const double secant_squared = 1.0 + tan_bank * tan_bank;
+
+  // Second derivative of g tan(bank), with roll rate p: g sec^2 (p' + 2 p^2 tan). Divided by speed
+  // it is that of the heading rate; changes of speed are slower by an order.
+  const double roll_rate_radps =
+      std::max(std::fabs(a.roll_rate_radps), std::fabs(b.roll_rate_radps));
+  const double turn_curvature_mps4 =
+      kGravity_mps2 * secant_squared *
+      (kRollAcceleration_radps2 + 2.0 * roll_rate_radps * roll_rate_radps * tan_bank);
+
+  {
+    const Velocity before = velocity_of(a);
+    const Velocity after = velocity_of(b);
+    const double residual_x_m = b.x_m - a.x_m - 0.5 * step_s * (before.x_mps + after.x_mps);
+    const double residual_y_m = b.y_m - a.y_m - 0.5 * step_s * (before.y_mps + after.y_mps);
+    const double residual_m = std::sqrt(residual_x_m * residual_x_m + residual_y_m * residual_y_m);
+    // Jerk in the plane: g sec^2(bank) p across, the turn of the acceleration (g tan)^2 / V, and
+    // g q along for a pitch rate q as great as the roll rate may be.
+    const double jerk_mps3 = kGravity_mps2 * (secant_squared + 1.0) *
+                                 std::max(limits.roll_rate_max_radps, roll_rate_radps) +
+                             kGravity_mps2 * kGravity_mps2 * tan_bank * tan_bank / speed_mps;
+    const double tolerance_m =
+        0.5 * step_s * length_of({after.x_mps - before.x_mps, after.y_mps - before.y_mps}) +
+        step_s * step_s * step_s / 12.0 * jerk_mps3 + kPositionRounding_m;
+    if (!(residual_m <= tolerance_m)) {
+      findings.add("continuity_position", b, residual_m, tolerance_m);
+    }
+  }
+
+  const double vertical_jerk_mps3 = limits.vertical_acceleration_max_mps2 / kResponseTime_s;
+  check_change("continuity_altitude", b, step_s,
+               {b.altitude_m - a.altitude_m, a.climb_rate_mps, b.climb_rate_mps, vertical_jerk_mps3,
+                kPositionRounding_m},
+               findings);
+  check_change("continuity_heading", b, step_s,
+               {wrap_to_pi(grid_from_true_azimuth_rad(b.heading_true_rad, b.convergence_rad) -
+                           grid_from_true_azimuth_rad(a.heading_true_rad, a.convergence_rad)),
+                kGravity_mps2 * tan_a / std::max(a.speed_mps, 1.0),
+                kGravity_mps2 * tan_b / std::max(b.speed_mps, 1.0), turn_curvature_mps4 / speed_mps,
+                kAngleRounding_rad},
+               findings);
+  const double attitude_jerk_radps3 = kRollAcceleration_radps2 / kResponseTime_s;
+  check_change("continuity_bank", b, step_s,
+               {b.bank_rad - a.bank_rad, a.roll_rate_radps, b.roll_rate_radps, attitude_jerk_radps3,
+                kAngleRounding_rad},
+               findings);
+  check_change("continuity_pitch", b, step_s,
+               {b.pitch_rad - a.pitch_rad, a.pitch_rate_radps, b.pitch_rate_radps,
+                attitude_jerk_radps3, kAngleRounding_rad},
+               findings);
+
+  // The acceleration itself may jump where the command changes, so here its rate is bounded, not
+  // its curvature: within a step it leaves the span between its ends by at most h times the rate.
+  {
+    const double mean_mps2 = 0.5 * (a.vertical_acceleration_mps2 + b.vertical_acceleration_mps2);
+    const double residual_mps = b.climb_rate_mps - a.climb_rate_mps - step_s * mean_mps2;
+    const double tolerance_mps =
+        0.5 * step_s * std::fabs(b.vertical_acceleration_mps2 - a.vertical_acceleration_mps2) +
+        0.5 * step_s * step_s * vertical_jerk_mps3 + kSpeedRounding_mps;
+    if (!(std::fabs(residual_mps) <= tolerance_mps)) {
+      findings.add("continuity_climb_rate", b, std::fabs(residual_mps), tolerance_mps);
+    }
+  }
+
+  // Rates change no faster than the attitude accelerates; speed no faster than pitch can make it.
+  const auto at_most = [&](const char* rule, double change, double limit) {
+    if (!(std::fabs(change) <= limit)) {
+      findings.add(rule, b, std::fabs(change), limit);
+    }
+  };
+  at_most("continuity_roll_rate", b.roll_rate_radps - a.roll_rate_radps,
+          kRollAcceleration_radps2 * step_s + kAngleRounding_rad);
+  at_most("continuity_pitch_rate", b.pitch_rate_radps - a.pitch_rate_radps,
+          kRollAcceleration_radps2 * step_s + kAngleRounding_rad);
+  at_most("continuity_speed", b.speed_mps - a.speed_mps,
+          kGravity_mps2 * elementary::tan(limits.pitch_max_rad) * step_s * (1.0 + kLimitRounding) +
+              kSpeedRounding_mps);
+}
+
+// How far the flown path may stray from the chord between two states.
+//
+// Between states the path is the cubic that has the states' places and velocities at its ends. With
+// d0 and d1 the differences between the velocities at the ends and that of the chord, the cubic
+// lies off the chord by h (d0 t (1-t)^2 - d1 t^2 (1-t)), which is at most h max(|d0|, |d1|) t
+// (1-t), so at most h max(|d0|, |d1|) / 4. For constant acceleration this is the sagitta h^2 a / 8.
+struct Sagitta {
+  double across_m = 0.0;
+  double vertical_m = 0.0;
+};
+
+Sagitta sagitta_of(const flight::FlightState& a, const flight::FlightState& b, double step_s) {
+  const Velocity chord{(b.x_m - a.x_m) / step_s, (b.y_m - a.y_m) / step_s};
+  const double chord_climb_mps = (b.altitude_m - a.altitude_m) / step_s;
+  const auto off_chord_mps = [&](const flight::FlightState& state) {
+    const Velocity velocity = velocity_of(state);
+    return length_of({velocity.x_mps - chord.x_mps, velocity.y_mps - chord.y_mps});
+  };
+  return {0.25 * step_s * std::max(off_chord_mps(a), off_chord_mps(b)),
+          0.25 * step_s *
+              std::max(std::fabs(a.climb_rate_mps - chord_climb_mps),
+                       std::fabs(b.climb_rate_mps - chord_climb_mps))};
+}
+
+PathPoint path_point(const flight::FlightState& state) {
+  return {state.x_m, state.y_m, state.altitude_m};
+}
+
+struct Box {
+  double west_m = kInfinity;
+  double east_m = -kInfinity;
+  double south_m = kInfinity;
+  double north_m = -kInfinity;
+
+  void add(const geo::MapPoint& point) {
+    west_m = std::min(west_m, point.x_m);
+    east_m = std::max(east_m, point.x_m);
+    south_m = std::min(south_m, point.y_m);
+    north_m = std::max(north_m, point.y_m);
+  }
+  [[nodiscard]] bool is_within(double distance_m, const Box& other) const {
+    return west_m - distance_m <= other.east_m && other.west_m <= east_m + distance_m &&
+           south_m - distance_m <= other.north_m && other.south_m <= north_m + distance_m;
+  }
+};
+
+// Everything that a flight may come too near to overhead spans. Pieces are taken in blocks, so that
+// most spans are done with after a few comparisons.
+void check_wires(const map::Map& map, const std::vector<flight::FlightState>& states, double step_s,
+                 double required_m, Findings& findings) {
+  constexpr std::size_t kBlock = 64;
+  // A path that strays farther off its chord breaks continuity, and has been found there.
+  constexpr double kStrayMax_m = 1.0;
+  const double reach_m = required_m + 2.0 * kStrayMax_m;
+  std::vector<Box> blocks;
+  for (std::size_t begin = 0; begin + 1 < states.size(); begin += kBlock) {
+    Box box;
+    for (std::size_t i = begin; i <= std::min(begin + kBlock, states.size() - 1); ++i) {
+      if (is_finite(states[i])) {
+        box.add(states[i].point());
+      }
+    }
+    blocks.push_back(box);
+  }
+  const auto top_of = [&](const map::PowerLine::Pole& pole) {
+    return PathPoint{pole.point.x_m, pole.point.y_m,
+                     interpolated_height_m(map.terrain_m, pole.point) + pole.height_m};
+  };
+  // Nearest span for each piece: one finding a piece, however many spans meet there.
+  std::map<std::size_t, double> nearest_m;
+  for (const map::PowerLine& line : map.power_lines) {
+    for (std::size_t p = 1; p < line.poles.size(); ++p) {
+      PathPoint top_a = top_of(line.poles[p - 1]);
+      PathPoint top_b = top_of(line.poles[p]);
+      if (!std::isfinite(top_a.altitude_m) || !std::isfinite(top_b.altitude_m)) {
+        top_a.altitude_m = kInfinity;  // unknown: as high as may be
+        top_b.altitude_m = kInfinity;
+      }
+      Box span;
+      span.add(line.poles[p - 1].point);
+      span.add(line.poles[p].point);
+      for (std::size_t k = 0; k < blocks.size(); ++k) {
+        if (!span.is_within(reach_m, blocks[k])) {
+          continue;
+        }
+        const std::size_t begin = k * kBlock;
+        for (std::size_t i = begin; i < std::min(begin + kBlock, states.size() - 1); ++i) {
+          if (!is_finite(states[i]) || !is_finite(states[i + 1])) {
+            continue;
+          }
+          const Sagitta stray = sagitta_of(states[i], states[i + 1], step_s);
+          const double stray_m =
+              std::min(stray.across_m, kStrayMax_m) + std::min(stray.vertical_m, kStrayMax_m);
+          const double clear_m =
+              distance_to_span_m(path_point(states[i]), path_point(states[i + 1]), top_a, top_b) -
+              stray_m;
+          if (!(clear_m >= required_m)) {
+            const auto [entry, is_new] = nearest_m.try_emplace(i, clear_m);
+            entry->second = std::min(entry->second, clear_m);
+          }
+        }
+      }
+    }
+  }
+  for (const auto& [i, clear_m] : nearest_m) {
+    findings.add("wire_clearance", states[i], clear_m, required_m);
+  }
+}
+
+}  // namespace
+
+Demands read_demands(ConfigReader& reader) {
+  Demands demands;
+  demands.required_clearance_m = reader.required_double("required_clearance_m");
+  demands.ceiling_height_m = reader.required_double("ceiling_height_m");
+  demands.share_under_ceiling_min = reader.required_double("share_under_ceiling_min");
+  demands.goal_radius_m = reader.required_double("goal_radius_m");
+  demands.start_radius_m = reader.required_double("start_radius_m");
+  reader.require(demands.required_clearance_m >= 0.0, "required_clearance_m",
+                 "must not be negative");
+  reader.require(demands.ceiling_height_m > demands.required_clearance_m, "ceiling_height_m",
+                 "must be above required_clearance_m");
+  reader.require(demands.share_under_ceiling_min >= 0.0 && demands.share_under_ceiling_min <= 1.0,
+                 "share_under_ceiling_min", "must lie between 0 and 1");
+  reader.require(demands.goal_radius_m > 0.0, "goal_radius_m", "must be above 0");
+  reader.require(demands.start_radius_m > 0.0, "start_radius_m", "must be above 0");
+  reader.finish();
+  return demands;
+}
+
+flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory,
+                       const flight::Waypoint& start, const flight::Waypoint& goal,
+                       const flight::Limits& limits, const Demands& demands) {
+  const std::vector<flight::FlightState>& states = trajectory.states;
+  const double step_s = trajectory.step_s;
+  Findings findings;
+  flight::Verdict verdict;
+  verdict.clearance_min_m = kNan;
+  verdict.clearance_min_place = {kNan, kNan};
+  verdict.share_under_ceiling = kNan;
+  verdict.goal_distance_m = kNan;
+  verdict.speed_min_mps = kNan;
+  verdict.speed_max_mps = kNan;
+  verdict.bank_max_rad = kNan;
+  verdict.roll_rate_max_radps = kNan;
+  verdict.climb_rate_max_mps = kNan;
+  verdict.descent_rate_max_mps = kNan;
+
+  if (states.size() < 2) {
+    findings.add("states", 0.0, start.point(), static_cast<double>(states.size()), 2.0);
+  } else if (!(step_s > 0.0 && step_s <= kStepMax_s)) {
+    findings.add("time_step", states.front(), step_s, kStepMax_s);
+  }
+  if (findings.count() > 0) {
+    verdict.violation_count = findings.count();
+    verdict.violations = findings.worst();
+    return verdict;
+  }
+
+  std::optional<geo::MapProjection> projection;
+  if (!map.crs_wkt.empty()) {
+    projection.emplace(map.crs_wkt);
+  }
+  for (const flight::FlightState& state : states) {
+    if (!is_finite(state)) {
+      findings.add("finite", state, kNan, 0.0);
+      continue;
+    }
+    check_limits(state, limits, findings);
+    if (map.geometry.contains(state.point())) {
+      check_columns(map, projection ? &*projection : nullptr, state, findings);
+    } else {
+      findings.add("outside_map", state, kNan, 0.0);
+    }
+    // fmax and fmin pass over the NaN that stands for "none yet".
+    verdict.bank_max_rad = std::fmax(verdict.bank_max_rad, std::fabs(state.bank_rad));
+    verdict.roll_rate_max_radps =
+        std::fmax(verdict.roll_rate_max_radps, std::fabs(state.roll_rate_radps));
+    verdict.climb_rate_max_mps = std::fmax(verdict.climb_rate_max_mps, state.climb_rate_mps);
+    verdict.descent_rate_max_mps = std::fmax(verdict.descent_rate_max_mps, -state.climb_rate_mps);
+    verdict.speed_min_mps = std::fmin(verdict.speed_min_mps, state.speed_mps);
+    verdict.speed_max_mps = std::fmax(verdict.speed_max_mps, state.speed_mps);
+  }
+  if (!(std::fabs(states.front().time_s) <= kTimeRounding_s)) {
+    findings.add("time_step", states.front(), states.front().time_s, 0.0);
+  }
+
+  double length_m = 0.0;
+  double low_m = 0.0;
+  for (std::size_t i = 1; i < states.size(); ++i) {
+    const flight::FlightState& a = states[i - 1];
+    const flight::FlightState& b = states[i];
+    if (!is_finite(a) || !is_finite(b)) {
+      continue;
+    }
+    check_continuity(a, b, step_s, limits, findings);
+
+    const Sweep sweep =
+        sweep_surface(map.surface_m, path_point(a), path_point(b), demands.ceiling_height_m);
+    const double chord_m = distance_m(a.point(), b.point());
+    length_m += chord_m;
+    low_m += sweep.share_low * chord_m;
+    const auto place_at = [&](double t) {
+      return geo::MapPoint{a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m)};
+    };
+    const auto time_at = [&](double t) { return a.time_s + t * (b.time_s - a.time_s); };
+    if (!std::isnan(sweep.outside_at)) {
+      findings.add("outside_map", time_at(sweep.outside_at), place_at(sweep.outside_at), kNan, 0.0);
+    }
+    if (!std::isnan(sweep.unknown_at)) {
+      findings.add("unknown_surface", time_at(sweep.unknown_at), place_at(sweep.unknown_at), kNan,
+                   0.0);
+    }
+    if (std::isnan(sweep.clearance_min_m)) {
+      continue;
+    }
+    // The gradient holds up to one cell off the chord; a path that strays farther breaks
+    // continuity.
+    const Sagitta stray = sagitta_of(a, b, step_s);
+    const double clearance_m = sweep.clearance_min_m - stray.vertical_m -
+                               sweep.gradient_max * std::min(stray.across_m, map.geometry.cell_m);
+    const geo::MapPoint place = place_at(sweep.clearance_min_at);
+    if (std::isnan(verdict.clearance_min_m) || clearance_m < verdict.clearance_min_m) {
+      verdict.clearance_min_m = clearance_m;
+      verdict.clearance_min_place = place;
+    }
+    if (!(clearance_m >= demands.required_clearance_m)) {
+      findings.add("clearance", time_at(sweep.clearance_min_at), place, clearance_m,
+                   demands.required_clearance_m);
+    }
+  }
+  check_wires(map, states, step_s, demands.required_clearance_m, findings);
+
+  if (length_m > 0.0) {
+    verdict.share_under_ceiling = std::min(low_m / length_m, 1.0);
+  }
+  if (!(verdict.share_under_ceiling >= demands.share_under_ceiling_min)) {
+    findings.add("share_under_ceiling", states.back(), verdict.share_under_ceiling,
+                 demands.share_under_ceiling_min);
+  }
+
+  const flight::FlightState& first = states.front();
+  const double start_horizontal_m = distance_m(first.point(), start.point());
+  const double start_vertical_m = first.altitude_m - start.altitude_m;
+  const double start_m =
+      std::sqrt(start_horizontal_m * start_horizontal_m + start_vertical_m * start_vertical_m);
+  if (!(start_m <= demands.start_radius_m)) {
+    findings.add("start", first, start_m, demands.start_radius_m);
+  }
+  verdict.goal_distance_m = distance_m(states.back().point(), goal.point());
+  if (!(verdict.goal_distance_m <= demands.goal_radius_m)) {
+    findings.add("goal", states.back(), verdict.goal_distance_m, demands.goal_radius_m);
+  }
+
+  verdict.violation_count = findings.count();
+  verdict.violations = findings.worst();
+  verdict.is_verified = verdict.violation_count == 0;
+  return verdict;
+}
+
+}  // namespace hedgehop::verification
