@@ -1,0 +1,609 @@
+#include "verification/verifier.hpp"
+
+#include <cmath>
+#include <functional>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <limits>
+#include <random>
+
+#include "base/errors.hpp"
+#include "base/shipped_config.hpp"
+#include "support/fresh_seed.hpp"
+#include "support/test_map.hpp"
+#include "verification/perfect_flight.hpp"
+
+namespace hedgehop::verification {
+namespace {
+
+using test::fly;
+using test::Integrator;
+using test::Manoeuvre;
+
+const double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kCell_m = 30.0;
+constexpr int kCells = 200;  // 6 x 6 km
+
+Demands test_demands() {
+  Demands demands;
+  demands.required_clearance_m = 10.0;
+  demands.ceiling_height_m = 120.0;
+  demands.share_under_ceiling_min = 0.0;
+  demands.goal_radius_m = 60.0;
+  demands.start_radius_m = 1.0;
+  return demands;
+}
+
+double hills_m(double x_m, double y_m) {
+  return 300.0 + 60.0 * std::sin(x_m / 700.0) * std::cos(y_m / 500.0) +
+         8.0 * std::sin(x_m / 90.0 + y_m / 130.0);
+}
+
+map::Map hills_with_blocks() {
+  map::Map map = test::make_map(kCells, kCells, kCell_m, hills_m);
+  for (int row = 20; row < kCells - 8; row += 17) {
+    for (int column = 15; column < kCells - 8; column += 13) {
+      for (int r = row; r < row + 4; ++r) {
+        for (int c = column; c < column + 5; ++c) {
+          map.surface_m.at(c, r) += 22.0F;
+        }
+      }
+    }
+  }
+  test::finish_map(map);
+  return map;
+}
+
+flight::Waypoint place_of(const flight::FlightState& state) {
+  return {state.x_m, state.y_m, state.altitude_m};
+}
+
+flight::Verdict verdict_of(const map::Map& map, const flight::Trajectory& trajectory,
+                           const Demands& demands = test_demands()) {
+  return verify(map, trajectory, place_of(trajectory.states.front()),
+                place_of(trajectory.states.back()), test::test_limits(), demands);
+}
+
+// Least height above the surface at points at most `spacing_m` apart on the chords.
+double sampled_clearance_m(const map::Map& map, const flight::Trajectory& trajectory,
+                           double spacing_m) {
+  double least_m = 1e9;
+  for (std::size_t i = 1; i < trajectory.states.size(); ++i) {
+    const flight::FlightState& a = trajectory.states[i - 1];
+    const flight::FlightState& b = trajectory.states[i];
+    const int samples = 1 + static_cast<int>(std::hypot(b.x_m - a.x_m, b.y_m - a.y_m) / spacing_m);
+    for (int k = 0; k <= samples; ++k) {
+      const double t = static_cast<double>(k) / samples;
+      const double surface_m = raster::sample_bilinear(
+          map.surface_m, {a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m)});
+      least_m = std::min(least_m, a.altitude_m + t * (b.altitude_m - a.altitude_m) - surface_m);
+    }
+  }
+  return least_m;
+}
+
+std::string list_of(const flight::Verdict& verdict) {
+  std::string text;
+  for (const flight::Violation& violation : verdict.violations) {
+    text += violation.rule + " at " + std::to_string(violation.time_s) +
+            " s: " + std::to_string(violation.value) + " for " + std::to_string(violation.limit) +
+            "\n";
+  }
+  return text;
+}
+
+const flight::Violation* worst_of(const flight::Verdict& verdict, const std::string& rule) {
+  for (const flight::Violation& violation : verdict.violations) {
+    if (violation.rule == rule) {
+      return &violation;
+    }
+  }
+  return nullptr;
+}
+
+// Turns right, climbs, turns left, descends and changes speed over the hills.
+Manoeuvre varied_manoeuvre() {
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 1500.0;
+  manoeuvre.y_m = 2000.0;
+  manoeuvre.azimuth_grid_rad = 0.6;
+  manoeuvre.altitude_m = 410.0;
+  manoeuvre.duration_s = 60.0;
+  manoeuvre.bank_rad.ramp(5.0, 2.0, 0.35).ramp(15.0, 3.0, -0.45).ramp(25.0, 2.0, 0.0);
+  manoeuvre.bank_rad.ramp(40.0, 1.5, 0.2);
+  manoeuvre.climb_rate_mps.ramp(2.0, 5.0, 6.0).ramp(20.0, 10.0, -6.0).ramp(35.0, 5.0, 0.0);
+  manoeuvre.speed_mps.ramp(10.0, 12.0, 50.0).ramp(30.0, 20.0, 30.0);
+  return manoeuvre;
+}
+
+class Verify : public testing::Test {
+ protected:
+  Verify() : map_(hills_with_blocks()), flight_(fly(varied_manoeuvre(), map_)) {
+    test::lift(flight_, 14.0 - sampled_clearance_m(map_, flight_, 0.5));
+  }
+
+  // The states of `flight_` from `from` on, changed.
+  flight::Trajectory changed(std::size_t from, std::size_t to,
+                             const std::function<void(flight::FlightState&)>& change) const {
+    flight::Trajectory trajectory = flight_;
+    for (std::size_t i = from; i < std::min(to, trajectory.states.size()); ++i) {
+      change(trajectory.states[i]);
+      trajectory.states[i].surface_m =
+          raster::sample_bilinear(map_.surface_m, trajectory.states[i].point());
+      trajectory.states[i].terrain_m =
+          raster::sample_bilinear(map_.terrain_m, trajectory.states[i].point());
+    }
+    return trajectory;
+  }
+
+  // Expects that the planted fault is found under `rule` between two times, and nothing else but
+  // `companions`.
+  void expect_found(const flight::Verdict& verdict, const std::string& rule, double from_s,
+                    double to_s, const std::vector<std::string>& companions = {}) const {
+    EXPECT_FALSE(verdict.is_verified);
+    const flight::Violation* worst = worst_of(verdict, rule);
+    ASSERT_NE(worst, nullptr) << "not found: " << rule << "; found:\n" << list_of(verdict);
+    EXPECT_GE(worst->time_s, from_s - 1e-9);
+    EXPECT_LE(worst->time_s, to_s + 1e-9);
+    for (const flight::Violation& violation : verdict.violations) {
+      EXPECT_TRUE(violation.rule == rule ||
+                  std::count(companions.begin(), companions.end(), violation.rule) > 0)
+          << violation.rule << " at " << violation.time_s;
+    }
+  }
+
+  map::Map map_;
+  flight::Trajectory flight_;
+};
+
+constexpr std::size_t kEnd = std::numeric_limits<std::size_t>::max();
+
+TEST_F(Verify, PassesAPerfectFlightAndMeasuresIt) {
+  const flight::Verdict verdict = verdict_of(map_, flight_);
+  EXPECT_TRUE(verdict.is_verified) << list_of(verdict);
+  EXPECT_EQ(verdict.violation_count, 0);
+  EXPECT_NEAR(verdict.clearance_min_m, 14.0, 0.05);
+  EXPECT_LE(verdict.clearance_min_m, 14.0);
+  EXPECT_NEAR(verdict.bank_max_rad, 0.45, 1e-9);
+  EXPECT_NEAR(verdict.roll_rate_max_radps, 1.875 * 0.8 / 3.0, 1e-3);
+  EXPECT_NEAR(verdict.climb_rate_max_mps, 6.0, 1e-9);
+  EXPECT_NEAR(verdict.descent_rate_max_mps, 6.0, 1e-9);
+  EXPECT_NEAR(verdict.speed_min_mps, 30.0, 1e-9);
+  EXPECT_NEAR(verdict.speed_max_mps, 50.0, 1e-9);
+  EXPECT_EQ(verdict.goal_distance_m, 0.0);
+}
+
+TEST_F(Verify, RaisesNoFalseAlarmOverRandomPerfectFlights) {
+  std::mt19937_64 random(test::fresh_seed());
+  for (int round = 0; round < 60; ++round) {
+    Manoeuvre manoeuvre = test::random_manoeuvre(random, test::test_limits());
+    manoeuvre.x_m = 3000.0;
+    manoeuvre.y_m = 3000.0;
+    const double step_s = std::vector<double>{0.02, 0.05, 0.1}[random() % 3];
+    const auto integrator = static_cast<Integrator>(random() % 3);
+    flight::Trajectory flight = fly(manoeuvre, map_, step_s, integrator);
+    const double sampled_m = sampled_clearance_m(map_, flight, 0.5);
+    test::lift(flight, 10.5 - sampled_m);
+    const flight::Verdict verdict = verdict_of(map_, flight);
+    ASSERT_TRUE(verdict.is_verified) << "round " << round << ", step " << step_s << ", integrator "
+                                     << static_cast<int>(integrator) << "\n"
+                                     << list_of(verdict);
+    // The closed form lies below the samples, by no more than half a sample distance may hide.
+    EXPECT_LE(verdict.clearance_min_m, 10.5 + 1e-9);
+    EXPECT_GE(verdict.clearance_min_m, 10.5 - 0.6);
+  }
+}
+
+TEST_F(Verify, TakesTheHeightOfTheWholeFlightOffTheClearance) {
+  for (const double by_m : {-3.0, -4.1, -8.0}) {
+    flight::Trajectory lowered = flight_;
+    test::lift(lowered, by_m);
+    const flight::Verdict verdict = verdict_of(map_, lowered);
+    EXPECT_NEAR(verdict.clearance_min_m, verdict_of(map_, flight_).clearance_min_m + by_m, 1e-9);
+    EXPECT_EQ(verdict.is_verified, by_m == -3.0);
+  }
+}
+
+TEST_F(Verify, FindsTheRidgeThatLiesBetweenTwoStates) {
+  // Ridge of one row of half-metre cells across the path, 5 m high; states lie 2 m apart, the
+  // nearest 1 m from its crest, where the surface is flat again.
+  map::Map map = test::make_map(
+      400, 400, 0.5, [](double, double y_m) { return std::fabs(y_m - 101.25) < 0.1 ? 5.0 : 0.0; });
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 100.0;
+  manoeuvre.y_m = 100.25;
+  manoeuvre.altitude_m = 14.0;
+  manoeuvre.duration_s = 2.0;
+  const flight::Trajectory flight = fly(manoeuvre, map);
+  for (const flight::FlightState& state : flight.states) {
+    ASSERT_GE(state.altitude_m - state.surface_m, 14.0);
+  }
+  const flight::Verdict verdict = verdict_of(map, flight);
+  EXPECT_NEAR(verdict.clearance_min_m, 9.0, 1e-6);
+  EXPECT_NEAR(verdict.clearance_min_place.y_m, 101.25, 1e-6);
+  expect_found(verdict, "clearance", 0.0, 0.05);
+  EXPECT_EQ(verdict.violation_count, 1);
+}
+
+TEST_F(Verify, FindsASinkOfOneMetreBelowTheRequiredClearance) {
+  // The whole flight clears by 10.5 m at its lowest; there it dips by 1 m within 4 s.
+  const flight::Verdict before = verdict_of(map_, flight_);
+  std::size_t lowest = 0;
+  double least_m = 1e9;
+  for (std::size_t i = 0; i < flight_.states.size(); ++i) {
+    const double height_m = flight_.states[i].altitude_m - flight_.states[i].surface_m;
+    if (height_m < least_m) {
+      least_m = height_m;
+      lowest = i;
+    }
+  }
+  ASSERT_GT(lowest, 45U);
+  ASSERT_LT(lowest + 45, flight_.states.size());
+  flight::Trajectory dip = flight_;
+  test::lift(dip, 10.5 - before.clearance_min_m);
+  for (std::size_t i = lowest - 40; i <= lowest + 40; ++i) {
+    // 1 m (1 + cos) / 2 over 4 s, with its rates: a smooth, flyable dip.
+    const double angle = test::kPi * (static_cast<double>(i) - static_cast<double>(lowest)) / 40.0;
+    const double rate_radps = test::kPi / 2.0;
+    dip.states[i].altitude_m -= 0.5 * (1.0 + std::cos(angle));
+    dip.states[i].climb_rate_mps += 0.5 * std::sin(angle) * rate_radps;
+    dip.states[i].vertical_acceleration_mps2 += 0.5 * std::cos(angle) * rate_radps * rate_radps;
+  }
+  const double at_s = dip.states[lowest].time_s;
+  const flight::Verdict verdict = verdict_of(map_, dip);
+  EXPECT_NEAR(verdict.clearance_min_m, 9.5, 0.05);
+  expect_found(verdict, "clearance", at_s - 1.0, at_s + 1.0, {"continuity_climb_rate"});
+}
+
+TEST_F(Verify, FindsATeleport) {
+  expect_found(verdict_of(map_, changed(500, kEnd, [](auto& state) { state.x_m += 0.05; })),
+               "continuity_position", 25.0, 25.0);
+}
+
+TEST_F(Verify, FindsSpeedWithoutMovement) {
+  const flight::FlightState held = flight_.states[500];
+  expect_found(verdict_of(map_, changed(501, 520,
+                                        [&](auto& state) {
+                                          state.x_m = held.x_m;
+                                          state.y_m = held.y_m;
+                                        })),
+               "continuity_position", 25.05, 26.0);
+}
+
+TEST_F(Verify, FindsASpeedColumnThatIsTwoPercentWrong) {
+  expect_found(verdict_of(map_, changed(0, kEnd, [](auto& state) { state.speed_mps *= 1.02; })),
+               "continuity_position", 0.0, 60.0, {"continuity_heading"});
+}
+
+TEST_F(Verify, FindsAnAltitudeStepOfTwoCentimetres) {
+  expect_found(verdict_of(map_, changed(700, kEnd, [](auto& state) { state.altitude_m += 0.02; })),
+               "continuity_altitude", 35.0, 35.0);
+}
+
+TEST_F(Verify, FindsAClimbRateThatIsNotFlown) {
+  expect_found(verdict_of(map_, changed(0, kEnd, [](auto& state) { state.climb_rate_mps += 0.1; })),
+               "continuity_altitude", 0.0, 60.0);
+}
+
+TEST_F(Verify, FindsTheSignOfBankFlipped) {
+  expect_found(verdict_of(map_, changed(0, kEnd,
+                                        [](auto& state) {
+                                          state.bank_rad = -state.bank_rad;
+                                          state.roll_rate_radps = -state.roll_rate_radps;
+                                        })),
+               "continuity_heading", 0.0, 60.0);
+}
+
+TEST_F(Verify, FindsTheSignOfRollRateFlipped) {
+  expect_found(
+      verdict_of(
+          map_,
+          changed(0, kEnd, [](auto& state) { state.roll_rate_radps = -state.roll_rate_radps; })),
+      "continuity_bank", 0.0, 60.0);
+}
+
+TEST_F(Verify, FindsAHeadingJumpOfATenthOfADegree) {
+  expect_found(verdict_of(map_, changed(900, kEnd,
+                                        [](auto& state) {
+                                          state.heading_true_rad += 0.1 * test::kPi / 180.0;
+                                        })),
+               "continuity_heading", 45.0, 45.0, {"continuity_position"});
+}
+
+TEST_F(Verify, FindsHeadingsThatAreGridInsteadOfTrue) {
+  expect_found(
+      verdict_of(
+          map_,
+          changed(0, kEnd, [](auto& state) { state.heading_true_rad -= test::kConvergence_rad; })),
+      "continuity_position", 0.0, 60.0);
+}
+
+TEST_F(Verify, FindsARollRateSpike) {
+  expect_found(
+      verdict_of(map_, changed(300, 301, [](auto& state) { state.roll_rate_radps = 0.9; })),
+      "roll_rate", 15.0, 15.0, {"continuity_roll_rate", "continuity_bank"});
+}
+
+TEST_F(Verify, FindsARollRateSpikeWithinTheLimit) {
+  const flight::Verdict verdict =
+      verdict_of(map_, changed(1000, 1001, [](auto& state) { state.roll_rate_radps += 0.55; }));
+  expect_found(verdict, "continuity_roll_rate", 50.0, 50.05);
+}
+
+TEST_F(Verify, FindsAPitchThatDoesNotFollowItsRate) {
+  expect_found(verdict_of(map_, changed(300, kEnd, [](auto& state) { state.pitch_rad += 0.005; })),
+               "continuity_pitch", 15.0, 15.0);
+}
+
+TEST_F(Verify, FindsASpeedJump) {
+  const flight::Verdict verdict =
+      verdict_of(map_, changed(1000, kEnd, [](auto& state) { state.speed_mps += 0.2; }));
+  expect_found(verdict, "continuity_speed", 50.0, 50.0,
+               {"continuity_position", "continuity_heading"});
+}
+
+TEST_F(Verify, FindsAWrongSurfaceColumn) {
+  flight::Trajectory trajectory = flight_;
+  trajectory.states[432].surface_m += 0.01;
+  expect_found(verdict_of(map_, trajectory), "surface_column", 21.6, 21.6);
+}
+
+TEST_F(Verify, FindsAWrongTerrainColumn) {
+  flight::Trajectory trajectory = flight_;
+  trajectory.states[433].terrain_m -= 0.01;
+  expect_found(verdict_of(map_, trajectory), "terrain_column", 21.65, 21.65);
+}
+
+TEST_F(Verify, FindsAMissingState) {
+  flight::Trajectory trajectory = flight_;
+  trajectory.states.erase(trajectory.states.begin() + 200);
+  expect_found(verdict_of(map_, trajectory), "time_step", 10.05, 10.05,
+               {"continuity_position", "continuity_altitude", "continuity_heading",
+                "continuity_bank", "continuity_pitch", "continuity_climb_rate"});
+}
+
+TEST_F(Verify, FindsTimesThatDoNotBeginAtZero) {
+  flight::Trajectory trajectory = flight_;
+  for (flight::FlightState& state : trajectory.states) {
+    state.time_s += 1.0;
+  }
+  expect_found(verdict_of(map_, trajectory), "time_step", 1.0, 1.0);
+}
+
+TEST_F(Verify, RefusesAStepThatSaysTooLittle) {
+  const flight::Verdict verdict = verdict_of(map_, fly(varied_manoeuvre(), map_, 0.5));
+  expect_found(verdict, "time_step", 0.0, 0.0);
+}
+
+TEST_F(Verify, FindsANanInEachColumn) {
+  using Column = double flight::FlightState::*;
+  using State = flight::FlightState;
+  for (const Column column :
+       {&State::time_s, &State::x_m, &State::y_m, &State::altitude_m, &State::speed_mps,
+        &State::heading_true_rad, &State::convergence_rad, &State::bank_rad,
+        &State::roll_rate_radps, &State::pitch_rad, &State::pitch_rate_radps,
+        &State::climb_rate_mps, &State::vertical_acceleration_mps2, &State::target_heading_true_rad,
+        &State::commanded_heading_true_rad, &State::commanded_climb_angle_rad,
+        &State::commanded_speed_mps, &State::surface_m, &State::terrain_m}) {
+    flight::Trajectory trajectory = flight_;
+    trajectory.states[77].*column = kNan;
+    const flight::Verdict verdict = verdict_of(map_, trajectory);
+    EXPECT_FALSE(verdict.is_verified);
+    ASSERT_EQ(verdict.violations.size(), 1U);
+    EXPECT_EQ(verdict.violations[0].rule, "finite");
+    trajectory.states[77].*column = std::numeric_limits<double>::infinity();
+    EXPECT_FALSE(verdict_of(map_, trajectory).is_verified);
+  }
+}
+
+TEST_F(Verify, FindsEachLimitThatIsBrokenByAThousandth) {
+  const flight::Limits limits = test::test_limits();
+  struct Case {
+    const char* rule;
+    std::function<void(flight::FlightState&)> change;
+  };
+  const std::vector<Case> cases = {
+      {"bank", [&](auto& s) { s.bank_rad = -1.001 * limits.bank_max_rad; }},
+      {"roll_rate", [&](auto& s) { s.roll_rate_radps = -1.001 * limits.roll_rate_max_radps; }},
+      {"pitch", [&](auto& s) { s.pitch_rad = -1.001 * limits.pitch_max_rad; }},
+      {"climb_rate", [&](auto& s) { s.climb_rate_mps = 1.001 * limits.climb_rate_max_mps; }},
+      {"descent_rate", [&](auto& s) { s.climb_rate_mps = -1.001 * limits.descent_rate_max_mps; }},
+      {"vertical_acceleration",
+       [&](auto& s) {
+         s.vertical_acceleration_mps2 = -1.001 * limits.vertical_acceleration_max_mps2;
+       }},
+      {"speed_max", [&](auto& s) { s.speed_mps = 1.001 * limits.speed_max_mps; }},
+      {"speed_min", [&](auto& s) { s.speed_mps = 0.999 * limits.speed_min_mps; }},
+  };
+  for (const Case& planted : cases) {
+    const flight::Verdict verdict = verdict_of(map_, changed(640, 641, planted.change));
+    const flight::Violation* worst = worst_of(verdict, planted.rule);
+    ASSERT_NE(worst, nullptr) << planted.rule;
+    EXPECT_EQ(worst->time_s, flight_.states[640].time_s);
+    EXPECT_EQ(worst->place.x_m, flight_.states[640].x_m);
+  }
+}
+
+TEST_F(Verify, FindsAFlightThatClimbsTooSteeplyThroughout) {
+  Manoeuvre manoeuvre = varied_manoeuvre();
+  manoeuvre.climb_rate_mps = test::Schedule(0.0).ramp(5.0, 8.0, 8.5);
+  const flight::Verdict verdict = verdict_of(map_, fly(manoeuvre, map_));
+  expect_found(verdict, "climb_rate", 5.0, 60.0);
+  EXPECT_NEAR(verdict.climb_rate_max_mps, 8.5, 1e-9);
+}
+
+TEST_F(Verify, FindsAGoalThatIsMissed) {
+  flight::Waypoint goal = place_of(flight_.states.back());
+  goal.x_m += 61.0;
+  const flight::Verdict verdict = verify(map_, flight_, place_of(flight_.states.front()), goal,
+                                         test::test_limits(), test_demands());
+  expect_found(verdict, "goal", 60.0, 60.0);
+  EXPECT_NEAR(verdict.goal_distance_m, 61.0, 1e-9);
+}
+
+TEST_F(Verify, FindsAStartThatIsOffInPlaceOrAltitude) {
+  const flight::Waypoint start = place_of(flight_.states.front());
+  for (const flight::Waypoint& asked :
+       {flight::Waypoint{start.x_m + 1.1, start.y_m, start.altitude_m},
+        flight::Waypoint{start.x_m, start.y_m, start.altitude_m - 1.1}}) {
+    expect_found(verify(map_, flight_, asked, place_of(flight_.states.back()), test::test_limits(),
+                        test_demands()),
+                 "start", 0.0, 0.0);
+  }
+}
+
+TEST_F(Verify, FindsWhereTheFlightLeavesTheMap) {
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 3000.0;
+  manoeuvre.y_m = 5801.0;  // the map ends 199 m on: after 4.975 s at 40 m/s
+  manoeuvre.altitude_m = 450.0;
+  manoeuvre.duration_s = 6.0;
+  flight::Trajectory trajectory = fly(manoeuvre, map_);
+  for (flight::FlightState& state : trajectory.states) {
+    if (std::isnan(state.surface_m)) {
+      state.surface_m = 300.0;
+      state.terrain_m = 300.0;
+    }
+  }
+  const flight::Verdict verdict = verdict_of(map_, trajectory);
+  EXPECT_FALSE(verdict.is_verified);
+  double first_s = 1e9;
+  for (const flight::Violation& violation : verdict.violations) {
+    EXPECT_EQ(violation.rule, "outside_map");
+    first_s = std::min(first_s, violation.time_s);
+  }
+  EXPECT_NEAR(first_s, 4.975, 1e-9);
+}
+
+TEST_F(Verify, FindsAFlightOverAVoidThatItsStatesJumpOver) {
+  map::Map map = test::make_map(400, 400, 0.5, [](double, double) { return 0.0; });
+  map.surface_m.at(200, 202) = std::numeric_limits<float>::quiet_NaN();
+  map.terrain_m.at(200, 202) = std::numeric_limits<float>::quiet_NaN();
+  test::finish_map(map);
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 100.1;
+  manoeuvre.y_m = 100.25;
+  manoeuvre.altitude_m = 20.0;
+  manoeuvre.duration_s = 2.0;
+  const flight::Verdict verdict = verdict_of(map, fly(manoeuvre, map));
+  expect_found(verdict, "unknown_surface", 0.0, 0.05);
+}
+
+TEST_F(Verify, FindsAPassThroughAWireWhereItIs) {
+  map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 100.0; });
+  map::PowerLine line;
+  line.poles = {{{2000.0, 3000.0}, 30.0}, {{2600.0, 3000.0}, 30.0}, {{3200.0, 3000.0}, 30.0}};
+  map.power_lines = {line};
+  test::finish_map(map);
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 2300.0;
+  manoeuvre.y_m = 2801.0;
+  manoeuvre.duration_s = 10.0;
+  // Crosses y = 3000 after 199 m, 4.975 s.
+  for (const double altitude_m : {141.0, 139.0, 130.0, 115.0}) {
+    manoeuvre.altitude_m = altitude_m;
+    const flight::Trajectory flight = fly(manoeuvre, map);
+    const flight::Verdict verdict = verdict_of(map, flight);
+    if (altitude_m > 140.0) {
+      EXPECT_TRUE(verdict.is_verified) << list_of(verdict);
+      continue;
+    }
+    expect_found(verdict, "wire_clearance", 4.9, 5.0);
+    EXPECT_NEAR(worst_of(verdict, "wire_clearance")->value, std::max(altitude_m - 130.0, 0.0),
+                1e-6);
+  }
+}
+
+TEST_F(Verify, TakesAWireOfUnknownHeightForABarrier) {
+  map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 100.0; });
+  map::PowerLine line;
+  line.poles = {{{2000.0, 3000.0}, kNan}, {{2600.0, 3000.0}, 30.0}};
+  map.power_lines = {line};
+  test::finish_map(map);
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 2300.0;
+  manoeuvre.y_m = 2801.0;
+  manoeuvre.altitude_m = 400.0;
+  manoeuvre.duration_s = 10.0;
+  expect_found(verdict_of(map, fly(manoeuvre, map)), "wire_clearance", 4.9, 5.0);
+}
+
+TEST_F(Verify, MeasuresTheShareUnderTheCeilingByLength) {
+  const map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 0.0; });
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 1000.0;
+  manoeuvre.y_m = 1000.0;
+  manoeuvre.altitude_m = 100.0;
+  manoeuvre.duration_s = 40.0;
+  // Climbs steadily at 1 m/s from the start: 120 m is reached after 20 of 40 s.
+  manoeuvre.climb_rate_mps = test::Schedule(1.0);
+  Demands demands = test_demands();
+  EXPECT_NEAR(verdict_of(map, fly(manoeuvre, map), demands).share_under_ceiling, 0.5, 1e-9);
+  EXPECT_TRUE(verdict_of(map, fly(manoeuvre, map), demands).is_verified);
+  demands.share_under_ceiling_min = 0.51;
+  expect_found(verdict_of(map, fly(manoeuvre, map), demands), "share_under_ceiling", 40.0, 40.0);
+}
+
+TEST_F(Verify, RefusesATrajectoryWithoutAStep) {
+  flight::Trajectory trajectory = flight_;
+  trajectory.states.resize(1);
+  EXPECT_FALSE(verdict_of(map_, trajectory).is_verified);
+  trajectory.states.clear();
+  const flight::Verdict verdict =
+      verify(map_, trajectory, {}, {}, test::test_limits(), test_demands());
+  EXPECT_FALSE(verdict.is_verified);
+  EXPECT_EQ(verdict.violations[0].rule, "states");
+}
+
+TEST_F(Verify, KeepsTheWorstOfEachRuleWhenThereAreThousands) {
+  flight::Trajectory trajectory = flight_;
+  for (std::size_t i = 0; i < trajectory.states.size(); ++i) {
+    trajectory.states[i].surface_m += 1.0 + static_cast<double>(i);
+    trajectory.states[i].terrain_m += 1.0;
+  }
+  trajectory.states[5].vertical_acceleration_mps2 = 9.0;
+  const flight::Verdict verdict = verdict_of(map_, trajectory);
+  EXPECT_GT(verdict.violation_count, 2000);
+  EXPECT_EQ(verdict.violations.size(), 100U);
+  EXPECT_NE(worst_of(verdict, "terrain_column"), nullptr);
+  EXPECT_NE(worst_of(verdict, "vertical_acceleration"), nullptr);
+  const flight::Violation* worst = worst_of(verdict, "surface_column");
+  ASSERT_NE(worst, nullptr);
+  double greatest = 0.0;
+  for (const flight::FlightState& state : trajectory.states) {
+    const double true_m = raster::sample_bilinear(map_.surface_m, state.point());
+    greatest = std::max(greatest, std::fabs(state.surface_m - true_m) / true_m);
+  }
+  EXPECT_NEAR(std::fabs(worst->value - worst->limit) / worst->limit, greatest, 1e-9);
+  EXPECT_TRUE(std::is_sorted(verdict.violations.begin(), verdict.violations.end(),
+                             [](const auto& a, const auto& b) { return a.rule < b.rule; }));
+}
+
+TEST_F(Verify, DoesNotStumbleOverAbsurdNumbers) {
+  for (const double absurd : {1e300, -1e300, 1e18, -1e9}) {
+    using Column = double flight::FlightState::*;
+    for (const Column column :
+         {&flight::FlightState::x_m, &flight::FlightState::y_m, &flight::FlightState::altitude_m,
+          &flight::FlightState::speed_mps, &flight::FlightState::heading_true_rad,
+          &flight::FlightState::time_s, &flight::FlightState::bank_rad}) {
+      flight::Trajectory trajectory = flight_;
+      trajectory.states[100].*column = absurd;
+      EXPECT_FALSE(verdict_of(map_, trajectory).is_verified);
+    }
+  }
+}
+
+TEST(ReadDemands, ReadsTheShippedConfigAndRefusesNonsense) {
+  ConfigReader shipped = ConfigReader::from_text(shipped_config("planning.yaml"), "planning.yaml")
+                             .required_section("verification");
+  const Demands demands = read_demands(shipped);
+  EXPECT_GT(demands.required_clearance_m, 0.0);
+  ConfigReader bad = ConfigReader::from_text(
+      "{required_clearance_m: 10, ceiling_height_m: 5, share_under_ceiling_min: 0, "
+      "goal_radius_m: 60, start_radius_m: 1}",
+      "bad.yaml");
+  EXPECT_THROW(read_demands(bad), ConfigError);
+}
+
+}  // namespace
+}  // namespace hedgehop::verification
