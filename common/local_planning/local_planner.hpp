@@ -10,20 +10,44 @@
 #include "command_model/command_model.hpp"
 #include "flight/plan_request.hpp"
 #include "flight/route.hpp"
+#include "local_planning/climb_profile.hpp"
+#include "local_planning/direction.hpp"
+#include "local_planning/indicator.hpp"
 #include "risk/cost_model.hpp"
 
 namespace hedgehop::local_planning {
 
-/// Section `local` of the planning config. The room's author completes it; config/planning.yaml is
-/// the single home of the values.
+/// Section `local` of the planning config.
 struct LocalOptions {
-  double step_s = 0.0;           // of the command model and of the decisions
-  double window_m = 0.0;         // w, radius of the active window
-  int sectors = 0;               // K
-  double safety_radius_m = 0.0;  // lateral margin; half a cell diagonal is added
-  double safety_height_m = 0.0;  // h_s, what the flight aims for above the surface
-  double look_ahead_m = 0.0;
+  double step_s = 0.0;                 // of the command model and of the decisions, (0, 0.2]
+  double window_m = 0.0;               // w, radius of the active window
+  int sectors = 0;                     // K, 8 to 1024
+  double safety_radius_m = 0.0;        // lateral margin; half a cell diagonal is added
+  double safety_height_m = 0.0;        // h_s, what the flight aims for above the surface
+  double near_distance_m = 0.0;        // least distance in the denominator of a climb angle
+  double truncation_angle_rad = 0.0;   // cells further off the heading than this, and
+  double truncation_distance_m = 0.0;  // nearer than this, are left out
+  double arc_radius_max_factor = 0.0;  // r_max0 / r_min of the arc mask, >= 1
+  bool is_arc_widened = false;         // arc bounds widened by the safety radius
+  double climb_share = 0.0;          // of the climb-rate limit that makes a sector feasible, (0, 1]
+  double climb_angle_min_rad = 0.0;  // steepest descent, negative
+  double look_ahead_m = 0.0;         // of the target on the guide
+  double projection_back_m = 0.0;    // the nearest place on the guide is looked for from this far
+  double projection_ahead_m = 0.0;   // behind the last one to this far ahead of it
+  double goal_only_distance_m = 0.0;  // nearer to the goal, only its direction counts
+  double goal_radius_m = 0.0;         // the goal is reached within this
+  double slow_speed_mps = 0.0;        // flown while no sector is feasible
+  double length_factor_max = 0.0;     // stuck after this many times the guide's length
+  int passes = 0;                     // each pass is guided by the flight of the one before
+  double window_shrink_m = 0.0;       // w is smaller by this in each further pass
+  DirectionWeights weights;
+  double semantics_weight = 0.0;   // c_sem of the risk, eq. (5)
+  double visibility_weight = 0.0;  // c_vis of the risk, eq. (5)
+  IndicatorOptions heading_indicator;
+  IndicatorOptions climb_indicator;
+  ProfileOptions climb_ahead;
 };
+/// Throws ConfigError for unknown, missing, ill-typed or out-of-range keys.
 LocalOptions read_local_options(ConfigReader& reader);
 
 /// One step as flown: the model's state and what it was told for the next step.
@@ -45,11 +69,40 @@ struct Flight {
 using StepModel = std::function<command_model::ModelState(
     const command_model::ModelState& state, const command_model::Command& command, double step_s)>;
 
-/// Flies the command model along a guide of equally spaced waypoints (all passes).
+/// The state in which a flight along `guide` begins: at its first waypoint, on its heading, wings
+/// level, with the climb rate of its first leg as far as the vehicle can.
+command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
+                                         double speed_mps, const flight::Limits& limits);
+
+/// Flies the command model along a guide with TVFH+ (all passes).
 ///
-/// `initial` is the state at the first waypoint. A function of its arguments alone. Returns NoPlan
-/// with kLocalPlannerStuck and the place when the goal is not reached, kStopped when the observer
-/// says so.
+/// Each step: project the place on the guide, take the target `look_ahead_m` further, compute the
+/// polar histogram, choose the cheapest feasible direction, let the heading indicator follow it,
+/// and command the climb
+///
+///     t_cmd = max(t[k_cmd], min(t[k_chi], tau_max), t_goal, tan gamma_min, climb_ahead)
+///
+/// k_cmd is the sector of the commanded heading, k_chi that of the present one, over which the
+/// helicopter still flies; tau_max = climb_share climb_rate_max / V. The climb indicator smooths
+/// t_goal alone: what the terrain needs is commanded at once. If the indicator points into a sector
+/// that is not feasible, the nearest feasible one is commanded and the indicator starts again from
+/// the present heading. If no sector is feasible, the one with the least climb within 108 degrees
+/// is commanded, with all the climb there is, at `slow_speed_mps`. Flight slows down as well when
+/// the climb ahead needs more than the vehicle has.
+///
+/// The flight ends at its nearest approach to the goal within `goal_radius_m`. Positions outside
+/// the map and voids count as walls.
+///
+/// @param guide       at least two different places; altitudes are followed or exceeded
+/// @param initial     state at the first waypoint, within the vehicle's limits; see
+/// state_at_start()
+/// @param step_model  empty: the command model is stepped in process
+/// @return  the flight of the last pass; counts are of all passes. NoPlan with kLocalPlannerStuck
+/// and
+///          the place when the goal is not reached, kStopped when the observer says so.
+/// @throws std::invalid_argument  for a guide or state that is not finite, or a speed out of
+/// limits.
+/// @note  A function of its arguments alone, as far as `step_model` is one.
 std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                                const command_model::Vehicle& vehicle,
                                                const LocalOptions& options,

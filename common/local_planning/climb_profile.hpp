@@ -1,0 +1,48 @@
+#pragma once
+
+#include "command_model/command_model.hpp"
+#include "local_planning/guide.hpp"
+#include "local_planning/surroundings.hpp"
+
+namespace hedgehop::local_planning {
+
+/// Look-ahead of the vertical axis, see climb_ahead().
+struct ProfileOptions {
+  bool is_used = false;
+  double horizon_s = 0.0;
+  double sample_s = 0.0;            // time between the places looked at
+  double response_s = 0.0;          // dead time of the heave response
+  double acceleration_share = 0.0;  // of the acceleration limit that the forecast counts on, (0, 1]
+  double guide_allowance_m = 0.0;   // how far below the guide's altitude the flight may sink
+};
+
+/// What the flight ahead needs from the vertical axis.
+struct ClimbAhead {
+  double climb_rate_mps = 0.0;  // least climb rate to command now; may be negative
+  double shortfall_rate_mps =
+      0.0;  // the same without the limit, for places that braking still helps
+};
+
+/// Climb rate to command now so that the flight ahead clears the terrain and does not sink far
+/// below the guide, given how fast the vehicle can change its climb rate.
+///
+/// The histogram takes a climb to start at once. A real one starts late: to change the climb rate
+/// by D with acceleration a costs D^2 / (2 a) of height plus the dead time. The path of the next
+/// seconds is forecast as a turn towards the commanded heading that goes on along the guide. For a
+/// place reached after time t that asks for the height N above the present altitude, the least rate
+/// is h' + D with
+///
+///     h' t + D (t - t_r) - D^2 / (2 a) = N
+///
+/// and the greatest of all places counts. Where N <= h' t the rate N / t is enough.
+///
+/// h' present climb rate, a = acceleration_share of the limit, t_r = response_s.
+///
+/// N is the greatest surface within the safety disc plus the safety height, or the guide's altitude
+/// less the allowance, whichever is higher. Unknown terrain asks for nothing.
+ClimbAhead climb_ahead(const Surroundings& surroundings, const Guide& guide, double along_m,
+                       const command_model::ModelState& state, double commanded_heading_math_rad,
+                       double look_ahead_m, double safety_height_m,
+                       const command_model::CommandModel& model, const ProfileOptions& options);
+
+}  // namespace hedgehop::local_planning

@@ -1,0 +1,91 @@
+#include "local_planning/guide.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "base/elementary.hpp"
+
+namespace hedgehop::local_planning {
+
+Guide::Guide(const std::vector<flight::Waypoint>& waypoints) {
+  for (const flight::Waypoint& waypoint : waypoints) {
+    if (!std::isfinite(waypoint.x_m) || !std::isfinite(waypoint.y_m) ||
+        !std::isfinite(waypoint.altitude_m)) {
+      throw std::invalid_argument("a guide's waypoints must be finite");
+    }
+    if (points_.empty()) {
+      points_.push_back(waypoint);
+      along_m_.push_back(0.0);
+      continue;
+    }
+    const double dx_m = waypoint.x_m - points_.back().x_m;
+    const double dy_m = waypoint.y_m - points_.back().y_m;
+    const double step_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+    if (step_m < 1e-3) {
+      points_.back().altitude_m = std::max(points_.back().altitude_m, waypoint.altitude_m);
+      continue;
+    }
+    points_.push_back(waypoint);
+    along_m_.push_back(along_m_.back() + step_m);
+  }
+  if (points_.size() < 2) {
+    throw std::invalid_argument("a guide needs two different places");
+  }
+}
+
+std::size_t Guide::leg_at(double along_m) const {
+  const auto above = std::upper_bound(along_m_.begin() + 1, along_m_.end() - 1, along_m);
+  return static_cast<std::size_t>(above - along_m_.begin()) - 1;
+}
+
+double Guide::heading_math_rad(double along_m) const {
+  const std::size_t leg = leg_at(along_m);
+  return elementary::atan2(points_[leg + 1].y_m - points_[leg].y_m,
+                           points_[leg + 1].x_m - points_[leg].x_m);
+}
+
+double Guide::slope(double along_m) const {
+  const std::size_t leg = leg_at(along_m);
+  return (points_[leg + 1].altitude_m - points_[leg].altitude_m) /
+         (along_m_[leg + 1] - along_m_[leg]);
+}
+
+flight::Waypoint Guide::at(double along_m) const {
+  const std::size_t leg = leg_at(along_m);
+  const double share =
+      std::clamp((along_m - along_m_[leg]) / (along_m_[leg + 1] - along_m_[leg]), 0.0, 1.0);
+  const flight::Waypoint& a = points_[leg];
+  const flight::Waypoint& b = points_[leg + 1];
+  return {a.x_m + share * (b.x_m - a.x_m), a.y_m + share * (b.y_m - a.y_m),
+          a.altitude_m + share * (b.altitude_m - a.altitude_m)};
+}
+
+double Guide::project(const geo::MapPoint& point, double from_m, double to_m) const {
+  from_m = std::clamp(from_m, 0.0, length_m());
+  to_m = std::clamp(to_m, from_m, length_m());
+  double best_m2 = std::numeric_limits<double>::infinity();
+  double best_along_m = from_m;
+  for (std::size_t leg = leg_at(from_m); leg + 1 < points_.size() && along_m_[leg] <= to_m; ++leg) {
+    const flight::Waypoint& a = points_[leg];
+    const flight::Waypoint& b = points_[leg + 1];
+    const double leg_m = along_m_[leg + 1] - along_m_[leg];
+    const double ux = (b.x_m - a.x_m) / leg_m;
+    const double uy = (b.y_m - a.y_m) / leg_m;
+    const double low_m = std::max(0.0, from_m - along_m_[leg]);
+    const double high_m = std::min(leg_m, to_m - along_m_[leg]);
+    const double on_leg_m =
+        std::clamp((point.x_m - a.x_m) * ux + (point.y_m - a.y_m) * uy, low_m, high_m);
+    const double dx_m = a.x_m + on_leg_m * ux - point.x_m;
+    const double dy_m = a.y_m + on_leg_m * uy - point.y_m;
+    const double distance_m2 = dx_m * dx_m + dy_m * dy_m;
+    if (distance_m2 < best_m2) {
+      best_m2 = distance_m2;
+      best_along_m = along_m_[leg] + on_leg_m;
+    }
+  }
+  return best_along_m;
+}
+
+}  // namespace hedgehop::local_planning

@@ -1,0 +1,121 @@
+#include <numbers>
+#include <string>
+
+#include "base/angles.hpp"
+#include "local_planning/local_planner.hpp"
+
+namespace hedgehop::local_planning {
+namespace {
+
+double number_in(ConfigReader& reader, const char* key, double low, double high,
+                 const char* demand) {
+  const double value = reader.required_double(key);
+  reader.require(value >= low && value <= high, key, demand);
+  return value;
+}
+
+double positive(ConfigReader& reader, const char* key) {
+  const double value = reader.required_double(key);
+  reader.require(value > 0.0 && value <= 1e6, key, "must be above 0 and at most 1e6");
+  return value;
+}
+
+double not_negative(ConfigReader& reader, const char* key) {
+  return number_in(reader, key, 0.0, 1e6, "must lie between 0 and 1e6");
+}
+
+DirectionWeights read_direction_weights(ConfigReader& reader, LocalOptions& options) {
+  DirectionWeights weights;
+  const std::string goal_cost = reader.required_string("goal_cost");
+  reader.require(goal_cost == "quadratic" || goal_cost == "absolute", "goal_cost",
+                 "must be quadratic or absolute");
+  weights.goal_cost = goal_cost == "quadratic" ? GoalCost::kQuadratic : GoalCost::kAbsolute;
+  weights.goal = positive(reader, "goal");
+  options.semantics_weight = not_negative(reader, "semantics");
+  options.visibility_weight = not_negative(reader, "visibility");
+  weights.climb = not_negative(reader, "climb");
+  weights.climb_relative = not_negative(reader, "climb_relative");
+  weights.polar_offset_rad3 = positive(reader, "polar_offset_rad3");
+  reader.finish();
+  return weights;
+}
+
+IndicatorOptions read_indicator(ConfigReader& reader) {
+  IndicatorOptions options;
+  options.inertia = positive(reader, "inertia");
+  options.spring_1ps2 = positive(reader, "spring_1ps2");
+  options.damping_1ps = not_negative(reader, "damping_1ps");
+  options.relative_damping_1ps = not_negative(reader, "relative_damping_1ps");
+  options.relative_spring_1ps2 = not_negative(reader, "relative_spring_1ps2");
+  reader.finish();
+  return options;
+}
+
+ProfileOptions read_climb_ahead(ConfigReader& reader) {
+  ProfileOptions options;
+  options.is_used = reader.required_bool("use");
+  options.horizon_s = number_in(reader, "horizon_s", 1.0, 60.0, "must lie between 1 and 60");
+  options.sample_s = number_in(reader, "sample_s", 0.05, 2.0, "must lie between 0.05 and 2");
+  options.response_s = number_in(reader, "response_s", 0.0, 5.0, "must lie between 0 and 5");
+  options.acceleration_share =
+      number_in(reader, "acceleration_share", 0.1, 1.0, "must lie between 0.1 and 1");
+  options.guide_allowance_m = not_negative(reader, "guide_allowance_m");
+  reader.finish();
+  return options;
+}
+
+int whole_number(ConfigReader& reader, const char* key, int low, int high, const char* demand) {
+  const std::int64_t value = reader.required_integer(key);
+  reader.require(value >= low && value <= high, key, demand);
+  return static_cast<int>(value);
+}
+
+}  // namespace
+
+LocalOptions read_local_options(ConfigReader& reader) {
+  LocalOptions options;
+  options.step_s = number_in(reader, "step_s", 0.001, 0.2, "must lie between 0.001 and 0.2");
+  options.window_m = number_in(reader, "window_m", 50.0, 20000.0, "must lie between 50 and 20000");
+  options.sectors = whole_number(reader, "sectors", 8, 1024, "must lie between 8 and 1024");
+  options.safety_radius_m = not_negative(reader, "safety_radius_m");
+  options.safety_height_m = positive(reader, "safety_height_m");
+  options.near_distance_m = positive(reader, "near_distance_m");
+  options.truncation_angle_rad = reader.required_angle("truncation_angle_deg");
+  options.truncation_distance_m = not_negative(reader, "truncation_distance_m");
+  options.arc_radius_max_factor =
+      number_in(reader, "arc_radius_max_factor", 1.0, 1000.0, "must lie between 1 and 1000");
+  options.is_arc_widened = reader.required_bool("widen_arc_bounds");
+  options.climb_share = number_in(reader, "climb_share", 0.1, 1.0, "must lie between 0.1 and 1");
+  options.climb_angle_min_rad = reader.required_angle("climb_angle_min_deg");
+  options.look_ahead_m = positive(reader, "look_ahead_m");
+  options.projection_back_m = not_negative(reader, "projection_back_m");
+  options.projection_ahead_m = positive(reader, "projection_ahead_m");
+  options.goal_only_distance_m = not_negative(reader, "goal_only_distance_m");
+  options.goal_radius_m = positive(reader, "goal_radius_m");
+  options.slow_speed_mps = positive(reader, "slow_speed_mps");
+  options.length_factor_max =
+      number_in(reader, "length_factor_max", 1.0, 100.0, "must lie between 1 and 100");
+  options.passes = whole_number(reader, "passes", 1, 20, "must lie between 1 and 20");
+  options.window_shrink_m = not_negative(reader, "window_shrink_m");
+  reader.require(options.window_m - (options.passes - 1) * options.window_shrink_m >= 50.0,
+                 "window_shrink_m", "leaves less than 50 m of the window in the last pass");
+  reader.require(options.safety_radius_m < options.window_m, "safety_radius_m",
+                 "must be below window_m");
+  reader.require(options.truncation_angle_rad >= 60.0 * kDegree_rad &&
+                     options.truncation_angle_rad <= std::numbers::pi,
+                 "truncation_angle_deg", "must lie between 60 and 180");
+  reader.require(options.climb_angle_min_rad < 0.0 && options.climb_angle_min_rad > -1.0,
+                 "climb_angle_min_deg", "must lie between -57 and 0");
+  ConfigReader weights = reader.required_section("weights");
+  options.weights = read_direction_weights(weights, options);
+  ConfigReader heading = reader.required_section("heading_indicator");
+  options.heading_indicator = read_indicator(heading);
+  ConfigReader climb = reader.required_section("climb_indicator");
+  options.climb_indicator = read_indicator(climb);
+  ConfigReader ahead = reader.required_section("climb_ahead");
+  options.climb_ahead = read_climb_ahead(ahead);
+  reader.finish();
+  return options;
+}
+
+}  // namespace hedgehop::local_planning

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cmath>
+
+#include "raster/grid.hpp"
+#include "risk/cost_model.hpp"
+
+namespace hedgehop::local_planning {
+
+/// Padded layers of a map, ready for kernels that look around without asking for bounds.
+///
+/// The padding and every void count as a wall of kBlockedAltitude_m; they never count as ground to
+/// be climbed over in `dilated`, where they are left out.
+class Surroundings {
+ public:
+  static constexpr float kBlockedAltitude_m = 9000.0F;
+
+  /// @param window_m           how far kernels look from a point on the map
+  /// @param disc_radius_m      of the discs in `dilated`
+  /// @param semantics_weight   weight of the semantic cost in the risk
+  /// @param visibility_weight  weight of the visibility share in the risk
+  Surroundings(const risk::CostModel& costs, double window_m, double disc_radius_m,
+               double semantics_weight, double visibility_weight);
+
+  [[nodiscard]] const raster::GridGeometry& geometry() const { return surface_m_.geometry(); }
+  /// Surface; padded.
+  [[nodiscard]] const raster::Grid<float>& surface_m() const { return surface_m_; }
+  /// c_sem semantics + c_vis visibility; the greatest possible value in the padding.
+  [[nodiscard]] const raster::Grid<float>& risk() const { return risk_; }
+  /// Greatest known surface of the cells whose centres lie within disc_radius_m of the centre of
+  /// the cell that holds the point; -infinity if there is none or the point is outside.
+  [[nodiscard]] double dilated_m(const geo::MapPoint& point) const {
+    const raster::CellIndex cell = geometry().cell_at(point);
+    return geometry().contains(cell) ? static_cast<double>(dilated_m_.at(cell))
+                                     : -std::numeric_limits<double>::infinity();
+  }
+  /// Whether the point lies on the map itself, not on the padding.
+  [[nodiscard]] bool is_on_map(const geo::MapPoint& point) const {
+    return map_geometry_.contains(point);
+  }
+
+ private:
+  raster::GridGeometry map_geometry_;
+  raster::Grid<float> surface_m_;
+  raster::Grid<float> risk_;
+  raster::Grid<float> dilated_m_;
+};
+
+}  // namespace hedgehop::local_planning
