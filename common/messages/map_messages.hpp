@@ -46,7 +46,7 @@ struct MapPatch {
   double radius_m = 0.0;                 // 0 for an area
   std::optional<double> top_altitude_m;  // none: unlimited
   std::vector<geo::MapPoint> outline;    // of an area: 3 to 64 vertices; else empty
-  std::string label;                     // at most 100 bytes
+  std::string label;                     // at most 60 bytes
 };
 Bytes to_message(const MapPatch& patch, const Stamp& stamp);
 template <>

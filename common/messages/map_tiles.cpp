@@ -1,0 +1,319 @@
+#include "messages/map_tiles.hpp"
+
+#include <bit>
+#include <cstring>
+
+#include "base/errors.hpp"
+#include "messages/wire.hpp"
+
+#include "hedgehop/map_features_t.hpp"
+#include "hedgehop/map_tile_t.hpp"
+#include "hedgehop/map_tile_table_t.hpp"
+
+namespace hedgehop::messages {
+namespace {
+
+constexpr std::size_t kBlobBytesMax = static_cast<std::size_t>(kMaxContentBytes);
+constexpr std::size_t kTileBytesMax = static_cast<std::size_t>(map_tile_t::MAX_PLANE_BYTES) + 64;
+constexpr std::size_t kWktBytesMax = 1U << 16;
+constexpr std::size_t kLineBytesMax = 4096;
+
+/// The cells of one tile.
+struct Window {
+  int column = 0;
+  int row = 0;
+  int columns = 0;
+  int rows = 0;
+};
+
+Window window_of(const Tiling& tiling, const TileAddress& address) {
+  Window window;
+  window.column = address.tile_column * tiling.tile_cells;
+  window.row = address.tile_row * tiling.tile_cells;
+  window.columns = std::min(tiling.tile_cells, tiling.columns - window.column);
+  window.rows = std::min(tiling.tile_cells, tiling.rows - window.row);
+  return window;
+}
+
+template <typename T>
+using Bits = std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint16_t>;
+
+template <typename T>
+void put_planes(const raster::Grid<T>& grid, const Window& window,
+                std::vector<std::uint8_t>& planes) {
+  using U = Bits<T>;
+  const std::size_t cells = static_cast<std::size_t>(window.columns) * window.rows;
+  planes.resize(cells * sizeof(T));
+  std::size_t cell = 0;
+  U south = 0;
+  for (int r = 0; r < window.rows; ++r) {
+    const T* row = grid.row(window.row + r) + window.column;
+    U before = south;
+    south = std::bit_cast<U>(row[0]);
+    for (int c = 0; c < window.columns; ++c, ++cell) {
+      const U value = std::bit_cast<U>(row[c]);
+      const U difference = static_cast<U>(value - before);
+      before = value;
+      for (std::size_t b = 0; b < sizeof(T); ++b) {
+        planes[b * cells + cell] = static_cast<std::uint8_t>(difference >> (8 * b));
+      }
+    }
+  }
+}
+
+template <typename T>
+void take_planes(const std::vector<std::uint8_t>& planes, const Window& window,
+                 raster::Grid<T>& grid) {
+  using U = Bits<T>;
+  const std::size_t cells = static_cast<std::size_t>(window.columns) * window.rows;
+  std::size_t cell = 0;
+  U south = 0;
+  for (int r = 0; r < window.rows; ++r) {
+    T* row = grid.row(window.row + r) + window.column;
+    U before = south;
+    for (int c = 0; c < window.columns; ++c, ++cell) {
+      U value = before;
+      for (std::size_t b = 0; b < sizeof(T); ++b) {
+        value = static_cast<U>(value + (static_cast<U>(planes[b * cells + cell]) << (8 * b)));
+      }
+      before = value;
+      if (c == 0) {
+        south = value;
+      }
+      row[c] = std::bit_cast<T>(value);
+    }
+  }
+}
+
+template <typename MapType, typename Use>
+void with_layer(MapType& map, MapLayer layer, const Use& use) {
+  switch (layer) {
+    case MapLayer::kTerrain:
+      return use(map.terrain_m);
+    case MapLayer::kSurface:
+      return use(map.surface_m);
+    case MapLayer::kSemantics:
+      return use(map.semantics);
+    case MapLayer::kVisibility:
+      return use(map.visibility);
+  }
+  HEDGEHOP_ASSERT(!"a map layer without a raster");
+}
+
+}  // namespace
+
+const char* name_of(MapLayer layer) {
+  switch (layer) {
+    case MapLayer::kTerrain:
+      return "terrain";
+    case MapLayer::kSurface:
+      return "surface";
+    case MapLayer::kSemantics:
+      return "semantics";
+    case MapLayer::kVisibility:
+      return "visibility";
+  }
+  HEDGEHOP_ASSERT(!"a map layer without a name");
+  return "";
+}
+
+Tiling tiling_of(const MapIndex& index) {
+  return {index.geometry.columns, index.geometry.rows, index.tile_cells};
+}
+
+std::string name_of(const TileAddress& address) {
+  return std::string("layer ") + name_of(address.layer) + ", tile column " +
+         std::to_string(address.tile_column) + ", tile row " + std::to_string(address.tile_row);
+}
+
+std::size_t tile_index(const Tiling& tiling, const TileAddress& address) {
+  const auto layer = static_cast<std::size_t>(address.layer);
+  return (layer * static_cast<std::size_t>(tiling.tile_rows()) +
+          static_cast<std::size_t>(address.tile_row)) *
+             static_cast<std::size_t>(tiling.tile_columns()) +
+         static_cast<std::size_t>(address.tile_column);
+}
+
+TileAddress tile_address(const Tiling& tiling, std::size_t index) {
+  const auto columns = static_cast<std::size_t>(tiling.tile_columns());
+  const auto rows = static_cast<std::size_t>(tiling.tile_rows());
+  TileAddress address;
+  address.tile_column = static_cast<int>(index % columns);
+  address.tile_row = static_cast<int>(index / columns % rows);
+  address.layer = kMapLayers.at(index / columns / rows);
+  return address;
+}
+
+Bytes encode_map_tile(const map::Map& map, int tile_cells, const TileAddress& address) {
+  const Tiling tiling{map.geometry.columns, map.geometry.rows, tile_cells};
+  const Window window = window_of(tiling, address);
+  map_tile_t message{};
+  message.version = map_tile_t::VERSION;
+  message.layer = static_cast<std::int8_t>(address.layer);
+  message.tile_column = address.tile_column;
+  message.tile_row = address.tile_row;
+  message.column_count = window.columns;
+  message.row_count = window.rows;
+  with_layer(map, address.layer, [&]<typename T>(const raster::Grid<T>& grid) {
+    message.cell_bytes = sizeof(T);
+    put_planes(grid, window, message.planes);
+  });
+  message.num_plane_bytes = static_cast<std::int32_t>(message.planes.size());
+  return wire::encoded(message);
+}
+
+void decode_map_tile(ByteView bytes, const Tiling& tiling, const TileAddress& address,
+                     map::Map& map) {
+  const auto message = wire::decoded<map_tile_t>(bytes, kTileBytesMax);
+  const wire::Check check(map_tile_t::getTypeName());
+  const Window window = window_of(tiling, address);
+  const auto must_be = [&](const char* field, std::int32_t value, std::int32_t wanted) {
+    if (value != wanted) {
+      check.refuse(field, value, "be " + std::to_string(wanted) + " in " + name_of(address));
+    }
+  };
+  must_be("layer", message.layer, static_cast<std::int32_t>(address.layer));
+  must_be("tile_column", message.tile_column, address.tile_column);
+  must_be("tile_row", message.tile_row, address.tile_row);
+  must_be("column_count", message.column_count, window.columns);
+  must_be("row_count", message.row_count, window.rows);
+  with_layer(map, address.layer, [&]<typename T>(raster::Grid<T>& grid) {
+    must_be("cell_bytes", message.cell_bytes, sizeof(T));
+    must_be("num_plane_bytes", message.num_plane_bytes,
+            window.columns * window.rows * static_cast<std::int32_t>(sizeof(T)));
+    take_planes(message.planes, window, grid);
+  });
+}
+
+Bytes encode_map_features(const map::Map& map) {
+  map_features_t message{};
+  message.version = map_features_t::VERSION;
+  wire::put(message.map_hash, map.hash);
+  message.crs_wkt = map.crs_wkt;
+  message.vertical_datum = map.vertical_datum;
+  message.reference_height_m = map.reference_height_m;
+  message.visibility_radius_m = map.visibility_radius_m;
+  message.label = map.label;
+  message.num_attributions = static_cast<std::int32_t>(map.attributions.size());
+  message.attributions = map.attributions;
+  message.num_power_lines = static_cast<std::int32_t>(map.power_lines.size());
+  for (const map::PowerLine& line : map.power_lines) {
+    message.power_line_source_id.push_back(line.source_id);
+    message.power_line_pole_count.push_back(static_cast<std::int32_t>(line.poles.size()));
+    for (const map::PowerLine::Pole& pole : line.poles) {
+      message.pole_x_m.push_back(pole.point.x_m);
+      message.pole_y_m.push_back(pole.point.y_m);
+      message.pole_height_m.push_back(pole.height_m);
+    }
+  }
+  message.num_poles = static_cast<std::int32_t>(message.pole_x_m.size());
+  Bytes bytes = wire::encoded(message);
+  try {
+    map::Map copy;
+    decode_map_features(bytes, map.hash, copy);
+  } catch (const MessageError& error) {
+    throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
+  }
+  return bytes;
+}
+
+void decode_map_features(ByteView bytes, const Hash128& map_hash, map::Map& map) {
+  const auto message = wire::decoded<map_features_t>(bytes, kBlobBytesMax);
+  const wire::Check check(map_features_t::getTypeName());
+  if (wire::hash_in(message.map_hash) != map_hash) {
+    check.refuse("map_hash", wire::hash_in(message.map_hash).hex(), "be " + map_hash.hex());
+  }
+  map.crs_wkt = check.text("crs_wkt", message.crs_wkt, kWktBytesMax);
+  map.vertical_datum = check.text("vertical_datum", message.vertical_datum, kLineBytesMax);
+  map.reference_height_m = check.not_negative("reference_height_m", message.reference_height_m);
+  map.visibility_radius_m = check.not_negative("visibility_radius_m", message.visibility_radius_m);
+  map.label = check.text("label", message.label, kLineBytesMax);
+  map.attributions.clear();
+  for (const std::string& line : message.attributions) {
+    map.attributions.push_back(check.text("attributions", line, kLineBytesMax));
+  }
+  map.power_lines.clear();
+  std::int64_t next = 0;
+  for (std::size_t i = 0; i < message.power_line_source_id.size(); ++i) {
+    map::PowerLine& line = map.power_lines.emplace_back();
+    line.source_id = message.power_line_source_id[i];
+    const std::int64_t poles = check.within<std::int64_t>(
+        "power_line_pole_count", message.power_line_pole_count[i], 2, message.num_poles - next);
+    for (std::int64_t p = 0; p < poles; ++p, ++next) {
+      const auto k = static_cast<std::size_t>(next);
+      line.poles.push_back({{check.finite("pole_x_m", message.pole_x_m[k]),
+                             check.finite("pole_y_m", message.pole_y_m[k])},
+                            check.not_negative("pole_height_m", message.pole_height_m[k])});
+    }
+  }
+  check.within<std::int64_t>("num_poles", message.num_poles, next, next);
+}
+
+Bytes encode_map_tile_table(const Hash128& map_hash, const Tiling& tiling,
+                            const std::vector<BlobRef>& tiles) {
+  map_tile_table_t message{};
+  message.version = map_tile_table_t::VERSION;
+  wire::put(message.map_hash, map_hash);
+  message.layer_count = static_cast<std::int32_t>(kMapLayers.size());
+  message.tile_column_count = tiling.tile_columns();
+  message.tile_row_count = tiling.tile_rows();
+  message.num_tiles = static_cast<std::int32_t>(tiles.size());
+  for (const BlobRef& tile : tiles) {
+    wire::put_ref(message.tiles.emplace_back(), tile);
+  }
+  Bytes bytes = wire::encoded(message);
+  try {
+    decode_map_tile_table(bytes, map_hash, tiling);
+  } catch (const MessageError& error) {
+    throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
+  }
+  return bytes;
+}
+
+std::vector<BlobRef> decode_map_tile_table(ByteView bytes, const Hash128& map_hash,
+                                           const Tiling& tiling) {
+  const auto message = wire::decoded<map_tile_table_t>(bytes, kBlobBytesMax);
+  const wire::Check check(map_tile_table_t::getTypeName());
+  if (wire::hash_in(message.map_hash) != map_hash) {
+    check.refuse("map_hash", wire::hash_in(message.map_hash).hex(), "be " + map_hash.hex());
+  }
+  const auto must_be = [&](const char* field, std::int32_t value, std::int64_t wanted) {
+    if (value != wanted) {
+      check.refuse(field, value, "be " + std::to_string(wanted));
+    }
+  };
+  must_be("layer_count", message.layer_count, static_cast<std::int64_t>(kMapLayers.size()));
+  must_be("tile_column_count", message.tile_column_count, tiling.tile_columns());
+  must_be("tile_row_count", message.tile_row_count, tiling.tile_rows());
+  must_be("num_tiles", message.num_tiles,
+          static_cast<std::int64_t>(kMapLayers.size()) * tiling.tile_count());
+  std::vector<BlobRef> tiles;
+  tiles.reserve(message.tiles.size());
+  for (const blob_ref_t& tile : message.tiles) {
+    tiles.push_back(wire::ref_in(check, "tiles", tile));
+    check.within<std::int64_t>("tiles.content_bytes", tiles.back().content_bytes, 1,
+                               static_cast<std::int64_t>(kTileBytesMax));
+  }
+  return tiles;
+}
+
+map::Map begin_map(const MapIndex& index) {
+  map::Map map;
+  map.geometry = index.geometry;
+  map.terrain_m = raster::Grid<float>(index.geometry, 0.0F);
+  map.surface_m = raster::Grid<float>(index.geometry, 0.0F);
+  map.semantics = raster::Grid<std::uint16_t>(index.geometry, 0);
+  map.visibility = raster::Grid<std::uint16_t>(index.geometry, 0);
+  return map;
+}
+
+void finish_map(map::Map& map, const Hash128& map_hash) {
+  map.hash = map_hash;
+  try {
+    map::validate(map);
+  } catch (const DataError& error) {
+    throw MessageError(error.what());
+  }
+}
+
+}  // namespace hedgehop::messages
