@@ -52,7 +52,7 @@ ROOMS = {
 }
 
 # Rooms in their order of dependency; these two folders stand on top.
-SERVICES = (["bus", "messages", "planning", "output", "map"], [], ["CLI/"] + JSON + POSIX)
+SERVICES = (["bus", "messages", "planning", "output", "map"], [], ["CLI/"] + JSON + POSIX + TBB)
 CLI = (sorted(ROOMS), [], ["CLI/"] + JSON + POSIX)
 
 EVERYWHERE_IN_SOURCES = ["fmt/"]
@@ -205,6 +205,10 @@ class Check:
             if not (path.parent / name).exists():
                 self.say(path, number, f'"{name}" is not in the same folder; write "room/{name}"')
             return
+        if folder in ("services", "cli") and kind == '"' and first == "services" and (self.root / name).exists():
+            if folder == "services" and name.split("/")[1] not in (room, "shared"):
+                self.say(path, number, f"a service never includes another one ({name}); they meet on channels")
+            return
         if folder in ("services", "cli") and kind == '"' and (self.root / folder / name).exists():
             if folder == "services" and first != room:
                 self.say(path, number, f"a service never includes another one ({name}); they meet on channels")
@@ -244,6 +248,7 @@ FAULTS = [
     ("cli/planted.cpp", '#include "hedgehop/route_t.hpp"\n', "cli may not use hedgehop/route_t.hpp"),
     ("services/one/planted.cpp", '#include "evaluation/planted.hpp"\n', "services may not use evaluation"),
     ("services/one/planted.cpp", '#include "two/two_service.hpp"\n', "a service never includes another one"),
+    ("services/one/planted.cpp", '#include "services/two/two_service.hpp"\n', "a service never includes another one"),
 ]
 # What must not be found.
 GOOD = [

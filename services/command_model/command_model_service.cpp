@@ -1,0 +1,304 @@
+#include "command_model_service.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "base/angles.hpp"
+#include "base/elementary.hpp"
+#include "messages/message_error.hpp"
+#include "messages/plan_blobs.hpp"
+#include "planning/planning.hpp"
+
+namespace hedgehop::services {
+namespace {
+
+using messages::ServiceState;
+using messages::Stamp;
+
+constexpr std::size_t kKeptRoutes = 16;
+constexpr std::size_t kLockstepTargetsMax = 1000;
+
+// What the local planner told the model at a state of a trajectory.
+command_model::Command command_of(const flight::FlightState& state) {
+  return {state.commanded_speed_mps,
+          math_angle_from_azimuth_rad(
+              grid_from_true_azimuth_rad(state.commanded_heading_true_rad, state.convergence_rad)),
+          state.speed_mps * elementary::tan(state.commanded_climb_angle_rad)};
+}
+
+command_model::ModelState model_state_of(const flight::FlightState& state) {
+  command_model::ModelState model =
+      command_model::trimmed_state(state.x_m, state.y_m, state.altitude_m, state.speed_mps,
+                                   math_angle_from_azimuth_rad(grid_from_true_azimuth_rad(
+                                       state.heading_true_rad, state.convergence_rad)),
+                                   state.climb_rate_mps);
+  model.bank_left_rad = -state.bank_rad;
+  model.roll_rate_left_radps = -state.roll_rate_radps;
+  model.pitch_rad = state.pitch_rad;
+  model.pitch_rate_radps = state.pitch_rate_radps;
+  model.vertical_acceleration_mps2 = state.vertical_acceleration_mps2;
+  return model;
+}
+
+}  // namespace
+
+CommandModelOptions read_command_model_options(ConfigReader reader) {
+  CommandModelOptions options;
+  options.tick_period_s = reader.required_double("tick_period_s");
+  options.target_age_max_s = reader.required_double("target_age_max_s");
+  options.catch_up_steps_max = static_cast<int>(reader.required_integer("catch_up_steps_max"));
+  reader.finish();
+  reader.require(options.tick_period_s >= 0.001 && options.tick_period_s <= 0.05, "tick_period_s",
+                 "must lie between 0.001 and 0.05");
+  reader.require(options.target_age_max_s >= 0.05 && options.target_age_max_s <= 60.0,
+                 "target_age_max_s", "must lie between 0.05 and 60");
+  reader.require(options.catch_up_steps_max >= 1 && options.catch_up_steps_max <= 100000,
+                 "catch_up_steps_max", "must lie between 1 and 100000");
+  return options;
+}
+
+struct CommandModelService::Flight {
+  Hash128 request_id;
+  Model model;
+  std::optional<flight::Trajectory> trajectory;  // none: flown by targets
+  command_model::ModelState state;
+  command_model::Command command;
+  double step_s = 0.0;
+  std::int64_t step_number = 0;
+  Time start;
+  Time newest_target;
+  double horizontal_deviation_max_m = 0.0;
+  double vertical_deviation_max_m = 0.0;
+
+  [[nodiscard]] Time time_of(std::int64_t step) const {
+    return start + static_cast<double>(step) * step_s;
+  }
+  void note_deviation() {
+    const flight::FlightState& wanted = trajectory->states[static_cast<std::size_t>(step_number)];
+    const double dx_m = state.x_m - wanted.x_m;
+    const double dy_m = state.y_m - wanted.y_m;
+    horizontal_deviation_max_m =
+        std::max(horizontal_deviation_max_m, std::sqrt(dx_m * dx_m + dy_m * dy_m));
+    vertical_deviation_max_m =
+        std::max(vertical_deviation_max_m, std::fabs(state.altitude_m - wanted.altitude_m));
+  }
+  [[nodiscard]] std::string text() const {
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "flight of request %.8s, %.0f s; strayed from the trajectory by at most %.3g m, "
+                  "in altitude %.3g m",
+                  request_id.hex().c_str(), static_cast<double>(step_number) * step_s,
+                  horizontal_deviation_max_m, vertical_deviation_max_m);
+    return text;
+  }
+};
+
+CommandModelService::CommandModelService(const CommandModelOptions& options, bus::Bus& bus,
+                                         bus::BlobExchange& exchange, bus::ServiceLoop& loop)
+    : options_(options), bus_(bus), exchange_(exchange), loop_(loop) {
+  bus.subscribe<messages::RouteHeader>(messages::kRouteChannel,
+                                       [this](const messages::RouteHeader& route, const Stamp&) {
+                                         remember_route(route.request_id, route.plan);
+                                       });
+  bus.subscribe<messages::TrajectoryHeader>(
+      messages::kTrajectoryChannel,
+      [this](const messages::TrajectoryHeader& trajectory, const Stamp&) {
+        if (trajectory.plan.id != flown_plan_) {
+          next_trajectory_ = trajectory;
+        }
+      });
+  bus.subscribe<messages::VehicleTarget>(
+      messages::kVehicleTargetChannel,
+      [this](const messages::VehicleTarget& target, const Stamp&) { receive(target); });
+}
+
+CommandModelService::~CommandModelService() = default;
+
+void CommandModelService::receive(const messages::VehicleTarget& target) {
+  if (!target.is_lockstep) {
+    target_ = target;
+  } else if (lockstep_targets_.size() < kLockstepTargetsMax) {
+    lockstep_targets_.push_back(target);  // else: its sender repeats it
+  }
+}
+
+void CommandModelService::remember_route(const Hash128& request_id,
+                                         const messages::BlobRef& route) {
+  if (!routes_.insert_or_assign(request_id, route).second) {
+    return;
+  }
+  route_order_.push_back(request_id);
+  if (route_order_.size() > kKeptRoutes) {
+    const Hash128 oldest = route_order_.front();
+    route_order_.pop_front();
+    exchange_.forget(routes_.at(oldest).id);
+    routes_.erase(oldest);
+    models_.erase(oldest);
+  }
+}
+
+CommandModelService::Model CommandModelService::model_of(const Hash128& request_id) {
+  const auto known = models_.find(request_id);
+  if (known != models_.end()) {
+    return known->second;
+  }
+  const auto route = routes_.find(request_id);
+  if (route == routes_.end()) {
+    return nullptr;
+  }
+  exchange_.want(route->second, "route of request " + request_id.hex());
+  const Bytes* content = exchange_.content(route->second.id);
+  if (content == nullptr) {
+    return nullptr;
+  }
+  const planning::PlanningConfig config = planning::read_planning_config(
+      messages::decode_route_plan(*content).config_text, "config of the route");
+  return models_.emplace(request_id, std::make_shared<command_model::CommandModel>(config.vehicle))
+      .first->second;
+}
+
+void CommandModelService::tick(Time now) {
+  try {
+    take_off_if_ready(now);
+    answer_lockstep();
+    take_over_if_targeted(now);
+  } catch (const std::exception& error) {  // what came over the bus is of no use
+    next_trajectory_.reset();
+    lockstep_targets_.clear();
+    target_.reset();
+    std::fprintf(stderr, "refused: %s\n", error.what());
+    loop_.set_state(ServiceState::kDegraded, error.what());
+  }
+  if (flight_) {
+    fly(now);
+  }
+}
+
+void CommandModelService::take_off_if_ready(Time now) {
+  if (!next_trajectory_) {
+    return;
+  }
+  const messages::TrajectoryHeader header = *next_trajectory_;
+  remember_route(header.request_id, header.route);
+  const Model model = model_of(header.request_id);
+  exchange_.want(header.plan, "trajectory of request " + header.request_id.hex());
+  const Bytes* content = exchange_.content(header.plan.id);
+  if (!model || content == nullptr) {
+    return;
+  }
+  next_trajectory_.reset();
+  const flight::RoutePlan route = messages::decode_route_plan(*exchange_.content(header.route.id));
+  flight::Plan plan = messages::decode_flight_plan(*content, route, header.route.id);
+  exchange_.forget(header.plan.id);
+  if (plan.trajectory.states.size() < 2 || plan.trajectory.step_s > 0.2) {
+    throw messages::MessageError("the trajectory has too few states or too long a step");
+  }
+  flight_ = std::make_unique<Flight>();
+  flight_->request_id = header.request_id;
+  flight_->model = model;
+  flight_->step_s = plan.trajectory.step_s;
+  flight_->state = model_state_of(plan.trajectory.states.front());
+  flight_->command = command_of(plan.trajectory.states.front());
+  flight_->trajectory = std::move(plan.trajectory);
+  flight_->start = now;
+  flown_plan_ = header.plan.id;
+  target_.reset();
+  loop_.set_state(ServiceState::kWorking, flight_->text());
+  publish_state(*flight_);
+}
+
+void CommandModelService::answer_lockstep() {
+  for (auto target = lockstep_targets_.begin(); target != lockstep_targets_.end();) {
+    const Model model = model_of(target->request_id);
+    if (!model) {
+      ++target;
+      continue;
+    }
+    messages::VehicleState answer;
+    answer.request_id = target->request_id;
+    answer.step_number = target->step_number;
+    answer.is_lockstep = true;
+    answer.flight_time_s = static_cast<double>(target->step_number) * target->step_s;
+    answer.state = model->step(target->state, target->command, target->step_s);
+    answer.command = target->command;
+    bus_.publish(messages::kVehicleStateChannel, answer, bus_.message_time());
+    target = lockstep_targets_.erase(target);
+  }
+}
+
+void CommandModelService::take_over_if_targeted(Time now) {
+  if (!target_) {
+    return;
+  }
+  const Model model = model_of(target_->request_id);
+  if (!model) {
+    return;
+  }
+  if (!flight_ || flight_->request_id != target_->request_id || flight_->trajectory) {
+    auto taken = std::make_unique<Flight>();
+    taken->request_id = target_->request_id;
+    taken->model = model;
+    taken->state =
+        flight_ && flight_->request_id == target_->request_id ? flight_->state : target_->state;
+    taken->step_s = std::min(target_->step_s, 0.05);
+    taken->start = now;
+    flight_ = std::move(taken);
+    loop_.set_state(ServiceState::kWorking, "flown by VEHICLE_TARGET");
+  }
+  flight_->command = target_->command;
+  flight_->newest_target = now;
+  target_.reset();
+}
+
+void CommandModelService::fly(Time now) {
+  for (int steps = 0; steps < options_.catch_up_steps_max; ++steps) {
+    Flight& flight = *flight_;
+    if (flight.time_of(flight.step_number + 1) > now) {
+      return;
+    }
+    if (!flight.trajectory &&
+        seconds_between(flight.newest_target, now) > options_.target_age_max_s) {
+      end_flight("no VEHICLE_TARGET any more");
+      return;
+    }
+    flight.state = flight.model->step(flight.state, flight.command, flight.step_s);
+    ++flight.step_number;
+    if (flight.trajectory) {
+      flight.note_deviation();
+      flight.command =
+          command_of(flight.trajectory->states[static_cast<std::size_t>(flight.step_number)]);
+    }
+    publish_state(flight);
+    if (flight.trajectory &&
+        flight.step_number + 1 == static_cast<std::int64_t>(flight.trajectory->states.size())) {
+      end_flight("arrived: " + flight.text());
+      return;
+    }
+    if (flight.trajectory && flight.step_number % 20 == 0) {
+      loop_.set_state(ServiceState::kWorking, flight.text());
+    }
+  }
+}
+
+void CommandModelService::end_flight(const std::string& text) {
+  flight_.reset();
+  loop_.set_state(ServiceState::kReady, text);
+}
+
+void CommandModelService::publish_state(const Flight& flight) {
+  messages::VehicleState message;
+  message.request_id = flight.request_id;
+  message.step_number = flight.step_number;
+  message.flight_time_s = static_cast<double>(flight.step_number) * flight.step_s;
+  message.state = flight.state;
+  message.command = flight.command;
+  if (flight.trajectory) {
+    message.heading_true_rad = true_from_grid_azimuth_rad(
+        azimuth_from_math_angle_rad(flight.state.heading_math_rad),
+        flight.trajectory->states[static_cast<std::size_t>(flight.step_number)].convergence_rad);
+  }
+  bus_.publish(messages::kVehicleStateChannel, message, flight.time_of(flight.step_number));
+}
+
+}  // namespace hedgehop::services

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/config_reader.hpp"
+#include "base/time.hpp"
+#include "bus/blob_exchange.hpp"
+#include "bus/bus.hpp"
+#include "bus/service.hpp"
+#include "command_model/command_model.hpp"
+#include "flight/plan.hpp"
+#include "messages/plan_messages.hpp"
+#include "messages/vehicle_messages.hpp"
+
+namespace hedgehop::services {
+
+/// config/command_model.yaml
+struct CommandModelOptions {
+  double tick_period_s = 0.0;
+  double target_age_max_s = 0.0;  // a real-time target is held this long, then the flight ends
+  int catch_up_steps_max = 0;     // steps in one tick when the process was held up
+};
+CommandModelOptions read_command_model_options(ConfigReader reader);
+
+/// The simulated helicopter.
+///
+/// It flies the newest TRAJECTORY in real time: the command model is stepped with the commands that
+/// the trajectory states (feed-forward), one VEHICLE_STATE a step, and the status tells how far it
+/// strays. A real-time VEHICLE_TARGET takes over with its own command. A lockstep VEHICLE_TARGET is
+/// answered by one step from the state that it brings, however often it is asked.
+///
+/// Which vehicle it is says the config of the request, which comes with the route.
+class CommandModelService {
+ public:
+  CommandModelService(const CommandModelOptions& options, bus::Bus& bus,
+                      bus::BlobExchange& exchange, bus::ServiceLoop& loop);
+  ~CommandModelService();
+
+  void tick(Time now);
+
+ private:
+  struct Flight;
+  using Model = std::shared_ptr<const command_model::CommandModel>;
+
+  void receive(const messages::VehicleTarget& target);
+  void remember_route(const Hash128& request_id, const messages::BlobRef& route);
+  /// The vehicle of a request; nullptr while its route has not arrived.
+  [[nodiscard]] Model model_of(const Hash128& request_id);
+  void take_off_if_ready(Time now);
+  void answer_lockstep();
+  void take_over_if_targeted(Time now);
+  void fly(Time now);
+  void end_flight(const std::string& text);
+  void publish_state(const Flight& flight);
+
+  CommandModelOptions options_;
+  bus::Bus& bus_;
+  bus::BlobExchange& exchange_;
+  bus::ServiceLoop& loop_;
+  std::map<Hash128, messages::BlobRef> routes_;
+  std::deque<Hash128> route_order_;  // oldest first
+  std::map<Hash128, Model> models_;
+  std::optional<messages::TrajectoryHeader> next_trajectory_;
+  Hash128 flown_plan_;  // blob of the newest trajectory that was started
+  std::deque<messages::VehicleTarget> lockstep_targets_;
+  std::optional<messages::VehicleTarget> target_;
+  std::unique_ptr<Flight> flight_;
+};
+
+}  // namespace hedgehop::services

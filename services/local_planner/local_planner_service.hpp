@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <variant>
+
+#include "messages/plan_messages.hpp"
+#include "services/shared/planner_desk.hpp"
+
+namespace hedgehop::services {
+
+/// Turns ROUTE into TRAJECTORY with planning::plan_flight, on the map that is on the bus. The
+/// route's blob holds request and config, so that a map and a route are all it needs.
+class LocalPlannerService {
+ public:
+  LocalPlannerService(const PlannerOptions& options, bus::Bus& bus, bus::BlobExchange& exchange,
+                      bus::ServiceLoop& loop);
+
+  void tick(Time now) { desk_.tick(now); }
+  [[nodiscard]] std::string unanswered() const { return desk_.unanswered(); }
+
+ private:
+  std::variant<Answer, flight::NoPlan> plan(const messages::RouteHeader& route, Time asked,
+                                            const map::Map& map, const Bytes& route_blob,
+                                            Observer& observer);
+
+  bus::Bus& bus_;
+  bus::BlobExchange& exchange_;
+  PlannerDesk desk_;
+};
+
+}  // namespace hedgehop::services

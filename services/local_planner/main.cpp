@@ -1,0 +1,30 @@
+#include <cstdio>
+
+#include "local_planner_service.hpp"
+#include "services/shared/service_start.hpp"
+
+int main(int argc, char** argv) {
+  using namespace hedgehop;
+  bus::install_stop_signals();
+  return bus::run_main("local_planner", [&] {
+    const auto arguments = bus::parse_service_arguments(
+        argc, argv, "local_planner", "Flies the command model along routes from the bus",
+        {services::threads_option()});
+    if (!arguments) {
+      return 0;
+    }
+    const auto config = services::load_config(arguments->config_file, "local_planner.yaml");
+    const auto options = services::read_planner_options(config.reader());
+    if (arguments->is_check) {
+      std::puts("ok");
+      return 0;
+    }
+    const services::ThreadLimit threads(*arguments);
+    bus::Bus bus(arguments->bus);
+    bus::BlobExchange exchange({}, bus);
+    bus::ServiceLoop loop(bus, exchange, "local_planner", config.hash());
+    services::LocalPlannerService service(options, bus, exchange, loop);
+    loop.run(options.tick_period_s, [&](Time now) { service.tick(now); });
+    return 0;
+  });
+}

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <functional>
+#include <list>
+#include <memory>
+#include <string>
+#include <variant>
+
+#include "base/config_reader.hpp"
+#include "base/observer.hpp"
+#include "base/time.hpp"
+#include "bus/blob_exchange.hpp"
+#include "bus/bus.hpp"
+#include "bus/map_exchange.hpp"
+#include "bus/service.hpp"
+#include "flight/plan_request.hpp"
+#include "global_planning/global_planner.hpp"
+#include "map/map.hpp"
+#include "messages/plan_messages.hpp"
+
+namespace hedgehop::services {
+
+/// Config of a planner service.
+struct PlannerOptions {
+  double tick_period_s = 0.0;    // longest pause between ticks
+  double status_period_s = 0.0;  // of PLAN_STATUS while something waits or works
+  double patience_s = 0.0;       // in message time: what is missing longer is named on stderr, and
+                                 // a question about a map that is not on the bus is refused
+  int kept_answers = 0;          // answers that are given again without planning again
+};
+PlannerOptions read_planner_options(ConfigReader reader);
+
+/// An answer that is ready to be sent, and the blob that holds it.
+struct Answer {
+  Hash128 blob_id;
+  std::function<void()> publish;
+};
+
+/// What a planner is asked: everything is there when the map of that hash and the blob `input` are.
+struct Question {
+  Hash128 request_id;
+  Hash128 map_hash;
+  messages::BlobRef input;
+  std::string input_name;  // "config of the request", "route"
+  std::function<std::variant<Answer, flight::NoPlan>(const map::Map& map, const Bytes& input,
+                                                     Observer& observer)>
+      plan;
+};
+
+/// The order book of a planner service: collects what a question needs, plans one question at a
+/// time in order of arrival, tells PLAN_STATUS, answers repeated questions without planning again.
+///
+/// While a plan is made the process stays on the bus: the observer that the planner polls hands
+/// messages over every 50 ms, so that chunks are served, progress is told and a cancellation is
+/// heard. With a log it does not, so that a replay is a function of the log alone.
+class PlannerDesk {
+ public:
+  PlannerDesk(const PlannerOptions& options, messages::PlanStage stage, bus::Bus& bus,
+              bus::BlobExchange& exchange, bus::ServiceLoop& loop);
+  ~PlannerDesk();
+
+  // Handlers.
+  void receive(const messages::MapIndex& index);
+  /// A new question is queued; a known one is answered again, or tried again if it had been refused
+  /// or cancelled.
+  void receive(Question question);
+  void receive(const messages::PlanCancel& cancel);
+
+  void tick(Time now);
+
+  /// For the status of the question that is being planned.
+  void report(const global_planning::RouteProgress& progress);
+
+  /// One line for each question that still waits, with what it lacks. Empty when none waits.
+  [[nodiscard]] std::string unanswered() const;
+
+ private:
+  struct Job;
+  class WorkingObserver;
+
+  [[nodiscard]] std::string lack_of(const Job& job) const;
+  [[nodiscard]] Job* job_of(const Hash128& request_id);
+  void wait(Job& job, Time now);
+  void work(Job& job);
+  void answer_again();
+  void publish_status_if_due(Job& job, Time now);
+  void publish_status(Job& job, Time now);
+  void forget_input(const Job& job);
+  void drop_old_answers();
+
+  PlannerOptions options_;
+  messages::PlanStage stage_;
+  bus::Bus& bus_;
+  bus::BlobExchange& exchange_;
+  bus::ServiceLoop& loop_;
+  bus::MapAssembly assembly_;
+  std::list<Job> jobs_;  // in order of arrival; references stay valid while a job is worked on
+  Job* working_ = nullptr;
+};
+
+}  // namespace hedgehop::services

@@ -1,0 +1,47 @@
+#include "service_start.hpp"
+
+#include <charconv>
+#include <tbb/global_control.h>
+
+#include "base/errors.hpp"
+#include "base/files.hpp"
+#include "base/shipped_config.hpp"
+
+namespace hedgehop::services {
+
+ServiceConfig load_config(const std::string& file, std::string_view shipped_name) {
+  if (file.empty()) {
+    return {std::string(shipped_config(shipped_name)), "config/" + std::string(shipped_name)};
+  }
+  return {read_file(file), file};
+}
+
+ConfigReader ServiceConfig::reader() const { return ConfigReader::from_text(text, name); }
+
+Hash128 ServiceConfig::hash() const { return hash128(canonical_config(text, name)); }
+
+struct ThreadLimit::Control {
+  tbb::global_control control;
+};
+
+bus::ServiceOption threads_option() {
+  return {"--threads", "N", "Number of threads; never changes a result (default: all cores)"};
+}
+
+ThreadLimit::ThreadLimit(const bus::ServiceArguments& arguments) {
+  const std::string text = arguments.value("--threads");
+  if (text.empty()) {
+    return;
+  }
+  std::size_t threads = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), threads);
+  if (error != std::errc() || end != text.data() + text.size() || threads < 1 || threads > 1024) {
+    throw UsageError("--threads '" + text + "' is not a number from 1 to 1024");
+  }
+  control_.reset(
+      new Control{tbb::global_control(tbb::global_control::max_allowed_parallelism, threads)});
+}
+
+ThreadLimit::~ThreadLimit() = default;
+
+}  // namespace hedgehop::services

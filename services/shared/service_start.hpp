@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "base/config_reader.hpp"
+#include "base/hash.hpp"
+#include "bus/service.hpp"
+
+namespace hedgehop::services {
+
+/// The config document of a service: the file that the user named, or the shipped one.
+struct ServiceConfig {
+  std::string text;
+  std::string name;  // what errors call it
+
+  [[nodiscard]] ConfigReader reader() const;
+  /// Identity of the document, comments and layout apart.
+  [[nodiscard]] Hash128 hash() const;
+};
+
+/// `file` may be empty: the shipped config of that name ("map_tiler.yaml").
+ServiceConfig load_config(const std::string& file, std::string_view shipped_name);
+
+/// Option --threads of a planner service.
+bus::ServiceOption threads_option();
+
+/// Holds the number of threads of this process to what --threads says; all cores without it. The
+/// number never changes a result. Throws UsageError for anything but 1 to 1024.
+class ThreadLimit {
+ public:
+  explicit ThreadLimit(const bus::ServiceArguments& arguments);
+  ~ThreadLimit();
+  ThreadLimit(const ThreadLimit&) = delete;
+  ThreadLimit& operator=(const ThreadLimit&) = delete;
+
+ private:
+  struct Control;
+  std::unique_ptr<Control> control_;
+};
+
+}  // namespace hedgehop::services
