@@ -42,7 +42,7 @@ constexpr double kStepMax_s = 0.25;
 //   with at most 10 rad/s^2 and change that within 1/4 s, climb changes its acceleration within 1/4
 //   s.
 // A fault larger than the sum is found. At 40 m/s and 50 ms in steady flight that is 0.14 mm of 2 m
-// of way, 0.02 mm of altitude and 3e-5 rad of heading.
+// of way, 0.11 mm of altitude and 3e-5 rad of heading.
 constexpr double kRollAcceleration_radps2 = 10.0;
 constexpr double kResponseTime_s = 0.25;
 constexpr double kPositionRounding_m = 1e-5;
