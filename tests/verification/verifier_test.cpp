@@ -9,6 +9,7 @@
 
 #include "base/errors.hpp"
 #include "base/shipped_config.hpp"
+#include "command_model/command_model.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/test_map.hpp"
 #include "verification/perfect_flight.hpp"
@@ -590,6 +591,63 @@ TEST_F(Verify, DoesNotStumbleOverAbsurdNumbers) {
       trajectory.states[100].*column = absurd;
       EXPECT_FALSE(verdict_of(map_, trajectory).is_verified);
     }
+  }
+}
+
+// Flies the command model under commands that jump about, as a planner's would at worst.
+flight::Trajectory flown_at_random(const map::Map& map, const command_model::CommandModel& model,
+                                   std::mt19937_64& random, double step_s) {
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  command_model::ModelState state = command_model::trimmed_state(
+      3000.0, 3000.0, 500.0, uniform(20.0, 60.0), uniform(-3.0, 3.0), uniform(-5.0, 5.0));
+  command_model::Command command;
+  flight::Trajectory trajectory;
+  trajectory.step_s = step_s;
+  double next_change_s = 0.0;
+  for (int i = 0; i * step_s <= 40.0; ++i) {
+    if (i * step_s >= next_change_s) {
+      command = {uniform(10.0, 70.0), uniform(-3.1, 3.1), uniform(-12.0, 12.0)};
+      next_change_s += uniform(0.05, 8.0);
+    }
+    flight::FlightState flown;
+    flown.time_s = i * step_s;
+    flown.x_m = state.x_m;
+    flown.y_m = state.y_m;
+    flown.altitude_m = state.altitude_m;
+    flown.speed_mps = state.speed_mps;
+    const double azimuth_rad = 0.5 * test::kPi - state.heading_math_rad;
+    flown.heading_true_rad =
+        azimuth_rad - 2.0 * test::kPi * std::floor(azimuth_rad / 2.0 / test::kPi);
+    flown.bank_rad = -state.bank_left_rad;
+    flown.roll_rate_radps = -state.roll_rate_left_radps;
+    flown.pitch_rad = state.pitch_rad;
+    flown.pitch_rate_radps = state.pitch_rate_radps;
+    flown.climb_rate_mps = state.climb_rate_mps;
+    flown.vertical_acceleration_mps2 = state.vertical_acceleration_mps2;
+    flown.surface_m = raster::sample_bilinear(map.surface_m, flown.point());
+    flown.terrain_m = raster::sample_bilinear(map.terrain_m, flown.point());
+    trajectory.states.push_back(flown);
+    state = model.step(state, command, step_s);
+  }
+  return trajectory;
+}
+
+TEST_F(Verify, HasNothingToSayAgainstTheCommandModel) {
+  std::mt19937_64 random(test::fresh_seed());
+  ConfigReader file =
+      ConfigReader::from_text(shipped_config("vehicles/ec135.yaml"), "vehicles/ec135.yaml");
+  const command_model::Vehicle vehicle = command_model::read_vehicle(file);
+  const command_model::CommandModel model(vehicle);
+  for (int round = 0; round < 60; ++round) {
+    flight::Trajectory flight =
+        flown_at_random(map_, model, random, std::vector<double>{0.02, 0.05, 0.1}[random() % 3]);
+    test::lift(flight, 12.0 - sampled_clearance_m(map_, flight, 0.5));
+    const flight::Verdict verdict =
+        verify(map_, flight, place_of(flight.states.front()), place_of(flight.states.back()),
+               vehicle.limits, test_demands());
+    ASSERT_TRUE(verdict.is_verified) << "round " << round << "\n" << list_of(verdict);
   }
 }
 
