@@ -1,0 +1,117 @@
+#include <filesystem>
+#include <fstream>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+#include "planning/planning.hpp"
+
+namespace hedgehop::planning {
+namespace {
+
+using ::testing::HasSubstr;
+
+class PlanningConfigTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(::testing::TempDir()) /
+              ("planning_config_" +
+               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string write(const std::string& name, const std::string& text) {
+    const std::string path = (folder_ / name).string();
+    std::ofstream(path) << text;
+    return path;
+  }
+
+  static std::string error_of(const std::function<void()>& action) {
+    try {
+      action();
+    } catch (const ConfigError& error) {
+      return std::string(error.what()) + " | " + error.hint();
+    }
+    return "no error";
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(PlanningConfigTest, ShippedConfigAloneIsComplete) {
+  const PlanningConfig config = read_planning_config(effective_planning_config("", {}), "shipped");
+
+  EXPECT_DOUBLE_EQ(config.reference_height_m, 15.24);
+  EXPECT_NEAR(config.vehicle.limits.bank_max_rad, radians_from_degrees(30.0), 1e-12);
+}
+
+TEST_F(PlanningConfigTest, OverlayReplacesOneKeyAndLeavesItsNeighbours) {
+  const std::string file = write("mine.yaml", "weights:\n  visibility: 7.5\n");
+
+  const PlanningConfig shipped = read_planning_config(effective_planning_config("", {}), "shipped");
+  const PlanningConfig config = read_planning_config(effective_planning_config(file, {}), "mine");
+
+  EXPECT_DOUBLE_EQ(config.weights.visibility, 7.5);
+  EXPECT_DOUBLE_EQ(config.weights.semantics, shipped.weights.semantics);
+  EXPECT_DOUBLE_EQ(config.speed_mps, shipped.speed_mps);
+}
+
+TEST_F(PlanningConfigTest, SettingWinsOverTheFileAndReachesTheVehicle) {
+  const std::string file = write("mine.yaml", "speed_mps: 30.0\n");
+
+  const PlanningConfig config = read_planning_config(
+      effective_planning_config(file, {"speed_mps=35.0", "vehicle.limits.bank_max_deg=20"}),
+      "mine");
+
+  EXPECT_DOUBLE_EQ(config.speed_mps, 35.0);
+  EXPECT_NEAR(config.vehicle.limits.bank_max_rad, radians_from_degrees(20.0), 1e-12);
+}
+
+TEST_F(PlanningConfigTest, UnknownKeyIsRefusedWithFileLineAndTheNearestName) {
+  const std::string file = write("mine.yaml", "speed_mps: 30.0\nweights:\n  visibilty: 7.5\n");
+
+  const std::string error = error_of([&] { effective_planning_config(file, {}); });
+
+  EXPECT_THAT(error, HasSubstr(file + ":3: unknown key 'visibilty'"));
+  EXPECT_THAT(error, HasSubstr("did you mean 'visibility'?"));
+}
+
+TEST_F(PlanningConfigTest, VehicleFileBesideTheConfigIsTaken) {
+  write("slow.yaml",
+        "name: slow\n"
+        "limits: {speed_min_mps: 5, speed_max_mps: 45, bank_max_deg: 25, "
+        "roll_rate_max_degps: 30, pitch_max_deg: 10, climb_rate_max_mps: 5, "
+        "descent_rate_max_mps: 5, vertical_acceleration_max_mps2: 2}\n");
+  const std::string file = write("mine.yaml", "vehicle_file: slow.yaml\n");
+
+  // The file is found; it lacks its command model, which must be named.
+  const std::string error =
+      error_of([&] { read_planning_config(effective_planning_config(file, {}), "mine"); });
+
+  EXPECT_THAT(error, HasSubstr("vehicle.command_model"));
+}
+
+TEST_F(PlanningConfigTest, MissingVehicleFileIsRefusedByName) {
+  const std::string file = write("mine.yaml", "vehicle_file: vehicles/ufo.yaml\n");
+
+  EXPECT_THAT(error_of([&] { effective_planning_config(file, {}); }),
+              HasSubstr("vehicles/ufo.yaml"));
+}
+
+TEST_F(PlanningConfigTest, SpeedBeyondTheVehicleIsRefused) {
+  EXPECT_THAT(error_of([&] {
+                read_planning_config(effective_planning_config("", {"speed_mps=300"}), "set");
+              }),
+              HasSubstr("'speed_mps' must lie within the vehicle's speed limits"));
+}
+
+TEST_F(PlanningConfigTest, EffectiveConfigReadsBackToItself) {
+  const std::string text = effective_planning_config("", {"global.work_budget=1234"});
+
+  EXPECT_EQ(read_planning_config(text, "again").text, text);
+}
+
+}  // namespace
+}  // namespace hedgehop::planning

@@ -1,0 +1,181 @@
+#include "planning/planning.hpp"
+
+#include <cmath>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <numbers>
+
+#include "base/angles.hpp"
+#include "support/test_map.hpp"
+
+namespace hedgehop::planning {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kWest_m = 600000.0;
+constexpr double kSouth_m = 5500000.0;
+
+// 18 x 12 km of rolling hills, 120 m of relief, slopes up to 9 degrees, in UTM zone 32.
+map::Map rolling_hills() {
+  map::Map map = test::make_map(600, 400, 30.0, [](double x_m, double y_m) {
+    return 400.0 + 30.0 * std::sin(x_m / 700.0) + 30.0 * std::cos(y_m / 600.0);
+  });
+  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
+  map.geometry.west_m = kWest_m;
+  map.geometry.south_m = kSouth_m;
+  map.terrain_m = [&] {
+    raster::Grid<float> grid(map.geometry, 0.0F);
+    grid.values() = map.terrain_m.values();
+    return grid;
+  }();
+  map.surface_m = map.terrain_m;
+  map.semantics = raster::Grid<std::uint16_t>(map.geometry, 0);
+  map.visibility = raster::Grid<std::uint16_t>(map.geometry, test::stored_visibility(0.1));
+  test::finish_map(map);
+  return map;
+}
+
+flight::RequestPoint place(const map::Map& map, double east_m, double north_m,
+                           std::optional<double> height_m = std::nullopt) {
+  const geo::MapProjection projection(map.crs_wkt);
+  return {projection.to_geodetic({kWest_m + east_m, kSouth_m + north_m}), height_m};
+}
+
+PlanningConfig config_with(const std::vector<std::string>& settings) {
+  return read_planning_config(effective_planning_config("", settings), "test");
+}
+
+class PlanningTest : public ::testing::Test {
+ protected:
+  std::variant<flight::Plan, flight::NoPlan> plan(const flight::PlanRequest& request) {
+    SilentObserver observer;
+    return hedgehop::planning::plan(map_, request, config_, {}, observer);
+  }
+  flight::NoPlanCause cause(const flight::PlanRequest& request) {
+    const auto result = plan(request);
+    const auto* no_plan = std::get_if<flight::NoPlan>(&result);
+    EXPECT_NE(no_plan, nullptr);
+    if (no_plan == nullptr) {
+      return flight::NoPlanCause::kStopped;
+    }
+    EXPECT_FALSE(no_plan->explanation.empty());
+    return no_plan->cause;
+  }
+
+  map::Map map_ = rolling_hills();
+  PlanningConfig config_ = config_with({"global.work_budget=60000"});
+  flight::PlanRequest request_{.start = place(map_, 3000.0, 3000.0),
+                               .goal = place(map_, 14000.0, 9000.0),
+                               .via = {},
+                               .start_heading_true_rad = {},
+                               .speed_mps = {},
+                               .seed = 1,
+                               .work_budget = 0};
+};
+
+TEST_F(PlanningTest, FlightOverRollingHillsIsVerifiedAndEndsAtTheGoal) {
+  const auto result = plan(request_);
+
+  ASSERT_TRUE(std::holds_alternative<flight::Plan>(result))
+      << std::get<flight::NoPlan>(result).explanation;
+  const auto& plan = std::get<flight::Plan>(result);
+  EXPECT_TRUE(plan.verdict.is_verified) << plan.verdict.violation_count;
+  const double distance_m =
+      std::hypot(plan.trajectory.states.back().x_m - plan.route_plan.goal.x_m,
+                 plan.trajectory.states.back().y_m - plan.route_plan.goal.y_m);
+  EXPECT_LE(distance_m, config_.demands.goal_radius_m);
+  EXPECT_GE(plan.measures.length_m, std::hypot(11000.0, 6000.0) - config_.demands.goal_radius_m);
+}
+
+TEST_F(PlanningTest, SameRequestGivesTheSameFlightTwice) {
+  const auto first = plan(request_);
+  const auto second = plan(request_);
+
+  const auto& a = std::get<flight::Plan>(first).trajectory.states;
+  const auto& b = std::get<flight::Plan>(second).trajectory.states;
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ASSERT_EQ(std::memcmp(&a[i], &b[i], sizeof a[i]), 0) << i;
+  }
+}
+
+TEST_F(PlanningTest, RouteWithViaPointPassesIt) {
+  request_.via = {place(map_, 4000.0, 9000.0)};
+
+  const auto result = plan(request_);
+
+  ASSERT_TRUE(std::holds_alternative<flight::Plan>(result));
+  double nearest_m = 1e9;
+  for (const flight::Waypoint& waypoint :
+       std::get<flight::Plan>(result).route_plan.route.waypoints) {
+    nearest_m = std::min(
+        nearest_m, std::hypot(waypoint.x_m - kWest_m - 4000.0, waypoint.y_m - kSouth_m - 9000.0));
+  }
+  EXPECT_LT(nearest_m, 0.01);
+}
+
+TEST_F(PlanningTest, HeadingsAreTrueAndDifferFromGridByTheConvergence) {
+  const auto result = plan(request_);
+
+  // East of the central meridian grid north lies east of true north, so the convergence is
+  // positive.
+  const auto& plan = std::get<flight::Plan>(result);
+  const flight::FlightState& a = plan.trajectory.states[100];
+  const flight::FlightState& b = plan.trajectory.states[101];
+  const double azimuth_grid_rad = std::atan2(b.x_m - a.x_m, b.y_m - a.y_m);
+  EXPECT_GT(a.convergence_rad, radians_from_degrees(0.5));
+  EXPECT_NEAR(wrap_to_pi(a.heading_true_rad - a.convergence_rad - azimuth_grid_rad), 0.0, 0.02);
+}
+
+TEST_F(PlanningTest, EndsThatCannotBeFlownAreNamed) {
+  auto request = request_;
+  request.start = place(map_, -500.0, 3000.0);
+  EXPECT_EQ(cause(request), flight::NoPlanCause::kStartOutsideMap);
+
+  request = request_;
+  request.goal = place(map_, 3000.0, 12500.0);
+  EXPECT_EQ(cause(request), flight::NoPlanCause::kGoalOutsideMap);
+
+  request = request_;
+  request.start = place(map_, 3000.0, 3000.0, -5.0);
+  EXPECT_EQ(cause(request), flight::NoPlanCause::kStartBelowEnvelope);
+
+  request = request_;
+  request.start = place(map_, 3000.0, 3000.0, 900.0);
+  EXPECT_EQ(cause(request), flight::NoPlanCause::kStartAboveEnvelope);
+
+  request = request_;
+  request.goal = request.start;
+  EXPECT_EQ(cause(request), flight::NoPlanCause::kGoalEqualsStart);
+}
+
+TEST_F(PlanningTest, VoidUnderTheStartIsNamed) {
+  const raster::CellIndex cell = map_.geometry.cell_at({kWest_m + 3000.0, kSouth_m + 3000.0});
+  map_.terrain_m.at(cell) = std::numeric_limits<float>::quiet_NaN();
+  map_.surface_m.at(cell) = std::numeric_limits<float>::quiet_NaN();
+  test::finish_map(map_);
+
+  EXPECT_EQ(cause(request_), flight::NoPlanCause::kStartUnknownTerrain);
+}
+
+TEST_F(PlanningTest, MapForAnotherReferenceHeightIsRefused) {
+  map_.reference_height_m = 30.0;
+  test::finish_map(map_);
+
+  EXPECT_EQ(cause(request_), flight::NoPlanCause::kReferenceHeightMismatch);
+}
+
+TEST_F(PlanningTest, RouteOfAnotherMapIsRefused) {
+  SilentObserver observer;
+  const auto route = plan_route(map_, request_, config_, {}, observer);
+  ASSERT_TRUE(std::holds_alternative<flight::RoutePlan>(route));
+  map_.label = "another";
+  test::finish_map(map_);
+
+  EXPECT_THROW(plan_flight(map_, std::get<flight::RoutePlan>(route), config_, {}, observer),
+               DataError);
+}
+
+}  // namespace
+}  // namespace hedgehop::planning
