@@ -89,16 +89,21 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   auto* random = verb->add_subcommand(
       "random", "Plan problems with random start and goal, with the weights and with zero weights");
   random->footer(
-      "Draws start and goal uniformly over the valid cells at least 1.5 km inside the map and at least "
-      "8 km apart, plans each problem with the weights of the config and again with zero weights, and "
-      "counts verified plans, named causes and problems that were not found. visibility_change compares "
-      "the sums of the visibility measure over the problems that both solved: -0.25 is a quarter less.\n"
+      "Draws start and goal uniformly over the valid cells at least 1.5 km inside the map and at "
+      "least "
+      "8 km apart, plans each problem with the weights of the config and again with zero weights, "
+      "and "
+      "counts verified plans, named causes and problems that were not found. visibility_change "
+      "compares "
+      "the sums of the visibility measure over the problems that both solved: -0.25 is a quarter "
+      "less.\n"
       "Example:\n"
       "  hedgehop evaluate random --map map --problems 20 --seed 7 --json");
   auto arguments = std::make_shared<RandomArguments>();
   random->add_option("--map", arguments->map, "Map bundle")->required();
   random
-      ->add_option("--problems", arguments->problems, "Number of problems (default: evaluation.yaml)")
+      ->add_option("--problems", arguments->problems,
+                   "Number of problems (default: evaluation.yaml)")
       ->check(CLI::Range(1, 100000));
   random->add_option_function<std::uint64_t>(
       "--seed",

@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
   add_plan_verb(app, console);
   add_verify_verb(app, console);
   add_report_verb(app, console);
+  add_evaluate_verb(app, console);
   add_config_verb(app, console);
 
   try {

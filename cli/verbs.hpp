@@ -7,6 +7,7 @@
 namespace hedgehop::cli {
 
 void add_config_verb(CLI::App& app, Console& console);
+void add_evaluate_verb(CLI::App& app, Console& console);
 void add_plan_verb(CLI::App& app, Console& console);
 void add_prepare_verb(CLI::App& app, Console& console);
 void add_report_verb(CLI::App& app, Console& console);
