@@ -53,7 +53,7 @@ ROOMS = {
 
 # Rooms in their order of dependency; these two folders stand on top.
 SERVICES = (["bus", "messages", "planning", "output", "map"], [], ["CLI/"] + JSON + POSIX + TBB)
-CLI = (sorted(ROOMS), [], ["CLI/"] + JSON + POSIX)
+CLI = (sorted(ROOMS), [], ["CLI/"] + JSON + POSIX + TBB)
 
 EVERYWHERE_IN_SOURCES = ["fmt/"]
 
@@ -202,7 +202,7 @@ class Check:
                     self.say(path, number, f"{name} is no public header of {first} (HEADERS in its CMakeLists.txt)")
             return
         if kind == '"' and "/" not in name:
-            if not (path.parent / name).exists():
+            if not any((path.parent / (name + suffix)).exists() for suffix in ("", ".in")):
                 self.say(path, number, f'"{name}" is not in the same folder; write "room/{name}"')
             return
         if folder in ("services", "cli") and kind == '"' and first == "services" and (self.root / name).exists():
