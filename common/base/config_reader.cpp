@@ -156,11 +156,23 @@ struct ConfigReader::Node {
     return found;
   }
 
+  // yaml-cpp places an empty value where the next token begins: its key's line is the one to name.
+  YAML::Mark mark_of(const YAML::Node& node, std::string_view key) const {
+    if (node.IsNull()) {
+      for (const auto& entry : yaml) {
+        if (entry.first.Scalar() == key) {
+          return entry.first.Mark();
+        }
+      }
+    }
+    return node.Mark();
+  }
+
   template <typename T>
   T scalar(const YAML::Node& node, std::string_view key, const char* kind) const {
     T result{};
     if (!node.IsScalar() || !YAML::convert<T>::decode(node, result)) {
-      throw ConfigError(place(name, node.Mark()) + "'" + where(key) + "' must be " + kind);
+      throw ConfigError(place(name, mark_of(node, key)) + "'" + where(key) + "' must be " + kind);
     }
     return result;
   }

@@ -21,13 +21,15 @@ struct GlobalOptions {
   double envelope_ceiling_m = 0.0;   // greatest height, looser than what the flight aims for
   double lateral_margin_m = 0.0;     // floor holds for the highest surface within this distance
   double climb_angle_max_rad = 0.0;  // of edges, up and down
-  double turn_angle_max_rad = 0.0;   // insertion condition (figure 3 of the paper)
+  double turn_angle_max_rad = 0.0;   // insertion condition (figure 3 of the paper), in plan view
+  double turn_radius_m = 0.0;        // extension: arcs of this radius must fit the legs; 0 = off
+  double end_funnel_m = 0.0;         // around start and goal the floor sinks to their height
   double check_step_m = 0.0;         // distance of the discrete checks on an edge
   double final_check_step_m = 0.0;   // no route leaves that fails at this step
   double guide_spacing_m = 0.0;
   std::int64_t batch_size = 0;
   double radius_factor = 0.0;    // of the r-disc of the random geometric graph
-  std::int64_t work_budget = 0;  // edge evaluations
+  std::int64_t work_budget = 0;  // edge evaluations plus states drawn
 };
 GlobalOptions read_global_options(ConfigReader& reader);
 

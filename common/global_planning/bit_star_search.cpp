@@ -1,0 +1,539 @@
+#include "global_planning/bit_star_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "base/elementary.hpp"
+#include "base/errors.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kStart = 0;
+constexpr int kGoal = 1;
+constexpr int kStopInterval = 64;
+constexpr std::uint64_t kNoEdge = ~std::uint64_t{0};
+
+// Before a route is known, the ellipse of batch n holds all polylines of at most this many times
+// the straight length; after some batches it covers any map.
+constexpr double kFirstEllipse = 1.25;
+constexpr double kEllipseGrowth = 1.25;
+
+}  // namespace
+
+BitStarSearch::BitStarSearch(const FlightEnvelope& envelope, const GlobalOptions& options,
+                             std::uint64_t seed)
+    : envelope_(&envelope),
+      options_(options),
+      random_(seed),
+      climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
+      table_(std::size_t{1} << 16U, Evaluated{kNoEdge, 0.0, false}) {
+  append_state(envelope.start());
+  append_state(envelope.goal());
+  come_m_[kStart] = 0.0;
+  // Rounding of long sums must not make the bound exceed the cost of the straight leg.
+  lower_bound_m_ = to_goal_m_[kStart] * (1.0 - 1e-9);
+}
+
+int BitStarSearch::append_state(const flight::Waypoint& state) {
+  const auto distance_m = [&](const flight::Waypoint& other) {
+    const double dx_m = state.x_m - other.x_m;
+    const double dy_m = state.y_m - other.y_m;
+    const double dz_m = state.altitude_m - other.altitude_m;
+    return std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
+  };
+  x_m_.push_back(state.x_m);
+  y_m_.push_back(state.y_m);
+  z_m_.push_back(state.altitude_m);
+  from_start_m_.push_back(distance_m(envelope_->start()));
+  to_goal_m_.push_back(distance_m(envelope_->goal()));
+  come_m_.push_back(kInfinity);
+  edge_cost_m_.push_back(0.0);
+  parent_.push_back(-1);
+  first_child_.push_back(-1);
+  next_sibling_.push_back(-1);
+  expanded_at_m_.push_back(kInfinity);
+  is_pruned_.push_back(0);
+  return static_cast<int>(x_m_.size()) - 1;
+}
+
+void BitStarSearch::add_state(const flight::Waypoint& state) {
+  if (envelope_->contains(state)) {
+    append_state(state);
+    ++counts_.samples;
+  }
+}
+
+// --- the table of evaluated edges: open addressing, linear probing
+// ---------------------------------
+
+std::uint64_t BitStarSearch::edge_id(int a, int b) {
+  const auto low = static_cast<std::uint64_t>(std::min(a, b));
+  const auto high = static_cast<std::uint64_t>(std::max(a, b));
+  return (low << 32U) | high;
+}
+
+BitStarSearch::Evaluated* BitStarSearch::find_evaluated(std::uint64_t edge) {
+  const std::size_t mask = table_.size() - 1;
+  std::size_t slot = static_cast<std::size_t>((edge * 0x9e3779b97f4a7c15U) >> 20U) & mask;
+  while (table_[slot].edge != kNoEdge) {
+    if (table_[slot].edge == edge) {
+      return &table_[slot];
+    }
+    slot = (slot + 1) & mask;
+  }
+  return nullptr;
+}
+
+const BitStarSearch::Evaluated* BitStarSearch::find_evaluated(std::uint64_t edge) const {
+  return const_cast<BitStarSearch*>(this)->find_evaluated(edge);
+}
+
+void BitStarSearch::store_evaluated(std::uint64_t edge, double cost_m) {
+  if (2 * (table_used_ + 1) > table_.size()) {
+    grow_table();
+  }
+  const std::size_t mask = table_.size() - 1;
+  std::size_t slot = static_cast<std::size_t>((edge * 0x9e3779b97f4a7c15U) >> 20U) & mask;
+  while (table_[slot].edge != kNoEdge) {
+    slot = (slot + 1) & mask;
+  }
+  table_[slot] = {edge, cost_m, false};
+  ++table_used_;
+}
+
+void BitStarSearch::grow_table() {
+  std::vector<Evaluated> old(table_.size() * 2, Evaluated{kNoEdge, 0.0, false});
+  old.swap(table_);
+  const std::size_t mask = table_.size() - 1;
+  for (const Evaluated& entry : old) {
+    if (entry.edge == kNoEdge) {
+      continue;
+    }
+    std::size_t slot = static_cast<std::size_t>((entry.edge * 0x9e3779b97f4a7c15U) >> 20U) & mask;
+    while (table_[slot].edge != kNoEdge) {
+      slot = (slot + 1) & mask;
+    }
+    table_[slot] = entry;
+  }
+}
+
+// --- batches
+// --------------------------------------------------------------------------------------
+
+BitStarSearch::Ellipse BitStarSearch::sampling_ellipse() const {
+  const flight::Waypoint& start = envelope_->start();
+  const flight::Waypoint& goal = envelope_->goal();
+  const double dx_m = goal.x_m - start.x_m;
+  const double dy_m = goal.y_m - start.y_m;
+  const double distance_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+  double major_m = best_cost_m_;
+  if (!has_route()) {
+    const raster::GridGeometry& geometry = envelope_->geometry();
+    // From any point of the map to both foci: no ellipse needs to be larger.
+    const double width_m = geometry.east_m() - geometry.west_m;
+    const double depth_m = geometry.north_m() - geometry.south_m;
+    const double all_m = 2.0 * std::sqrt(width_m * width_m + depth_m * depth_m);
+    major_m = std::max(distance_m, 2.0 * options_.check_step_m) * kFirstEllipse;
+    for (std::int64_t batch = 0; batch < counts_.batches && major_m < all_m; ++batch) {
+      major_m *= kEllipseGrowth;
+    }
+    major_m = std::min(major_m, all_m);
+  }
+  Ellipse ellipse{};
+  ellipse.centre_x_m = 0.5 * (start.x_m + goal.x_m);
+  ellipse.centre_y_m = 0.5 * (start.y_m + goal.y_m);
+  ellipse.axis_x = distance_m > 0.0 ? dx_m / distance_m : 1.0;
+  ellipse.axis_y = distance_m > 0.0 ? dy_m / distance_m : 0.0;
+  ellipse.half_major_m = 0.5 * major_m;
+  ellipse.half_minor_m =
+      0.5 * std::sqrt(std::max(major_m * major_m - distance_m * distance_m, 0.0));
+  return ellipse;
+}
+
+void BitStarSearch::draw_samples() {
+  const Ellipse ellipse = sampling_ellipse();
+  const std::int64_t attempts_max = 50 * options_.batch_size;
+  std::int64_t drawn = 0;
+  std::int64_t attempts = 0;
+  while (drawn < options_.batch_size && attempts < attempts_max && counts_.work_units < budget_) {
+    ++attempts;
+    ++counts_.work_units;
+    const double radius = std::sqrt(random_.unit());
+    const double angle_rad = 2.0 * std::numbers::pi * random_.unit();
+    const double height_share = random_.unit();
+    const double along_m = ellipse.half_major_m * radius * elementary::cos(angle_rad);
+    const double across_m = ellipse.half_minor_m * radius * elementary::sin(angle_rad);
+    const geo::MapPoint point{
+        ellipse.centre_x_m + along_m * ellipse.axis_x - across_m * ellipse.axis_y,
+        ellipse.centre_y_m + along_m * ellipse.axis_y + across_m * ellipse.axis_x};
+    const AltitudeBand band = envelope_->band_at(point);
+    if (!band.is_flyable()) {
+      continue;
+    }
+    const flight::Waypoint state{point.x_m, point.y_m,
+                                 band.low_m + height_share * (band.high_m - band.low_m)};
+    append_state(state);
+    ++drawn;
+  }
+  counts_.samples += drawn;
+  const double area_m2 = std::numbers::pi * ellipse.half_major_m * ellipse.half_minor_m;
+  sampled_area_m2_ = area_m2 * static_cast<double>(drawn) /
+                     static_cast<double>(std::max<std::int64_t>(attempts, 1));
+}
+
+void BitStarSearch::build_bins() {
+  std::vector<std::int32_t> alive;
+  double west_m = kInfinity;
+  double south_m = kInfinity;
+  double east_m = -kInfinity;
+  double north_m = -kInfinity;
+  for (std::size_t i = 0; i < x_m_.size(); ++i) {
+    if (is_pruned_[i] == 0) {
+      alive.push_back(static_cast<std::int32_t>(i));
+      west_m = std::min(west_m, x_m_[i]);
+      east_m = std::max(east_m, x_m_[i]);
+      south_m = std::min(south_m, y_m_[i]);
+      north_m = std::max(north_m, y_m_[i]);
+    }
+  }
+  const double count = static_cast<double>(alive.size());
+  radius_m_ = options_.radius_factor * 2.0 *
+              std::sqrt(1.5 * sampled_area_m2_ / std::numbers::pi * elementary::log(count) / count);
+  radius_m_ = std::max(radius_m_, options_.check_step_m);
+  bin_m_ = 0.5 * radius_m_;
+  bins_west_m_ = west_m;
+  bins_south_m_ = south_m;
+  bin_columns_ = static_cast<int>((east_m - west_m) / bin_m_) + 1;
+  bin_rows_ = static_cast<int>((north_m - south_m) / bin_m_) + 1;
+  const auto bin_of = [&](std::int32_t i) {
+    return static_cast<std::size_t>(static_cast<int>((y_m_[i] - south_m) / bin_m_)) *
+               static_cast<std::size_t>(bin_columns_) +
+           static_cast<std::size_t>(static_cast<int>((x_m_[i] - west_m) / bin_m_));
+  };
+  bin_begin_.assign(
+      static_cast<std::size_t>(bin_columns_) * static_cast<std::size_t>(bin_rows_) + 1, 0);
+  for (const std::int32_t i : alive) {
+    ++bin_begin_[bin_of(i) + 1];
+  }
+  for (std::size_t bin = 1; bin < bin_begin_.size(); ++bin) {
+    bin_begin_[bin] += bin_begin_[bin - 1];
+  }
+  std::vector<std::int32_t> next(bin_begin_.begin(), bin_begin_.end() - 1);
+  bin_states_.resize(alive.size());
+  for (const std::int32_t i : alive) {
+    bin_states_[static_cast<std::size_t>(next[bin_of(i)]++)] = i;
+  }
+}
+
+template <typename Visit>
+void BitStarSearch::for_each_neighbour(int of, const Visit& visit) const {
+  const double x_m = x_m_[of];
+  const double y_m = y_m_[of];
+  const double z_m = z_m_[of];
+  const auto bin_at = [&](double offset_m, int bins) {
+    return std::clamp(static_cast<int>(std::floor(offset_m / bin_m_)), 0, bins - 1);
+  };
+  const int west = bin_at(x_m - radius_m_ - bins_west_m_, bin_columns_);
+  const int east = bin_at(x_m + radius_m_ - bins_west_m_, bin_columns_);
+  const int south = bin_at(y_m - radius_m_ - bins_south_m_, bin_rows_);
+  const int north = bin_at(y_m + radius_m_ - bins_south_m_, bin_rows_);
+  const double radius_m2 = radius_m_ * radius_m_;
+  const double climb_square = climb_tangent_max_ * climb_tangent_max_;
+  for (int row = south; row <= north; ++row) {
+    const std::size_t first =
+        static_cast<std::size_t>(row) * static_cast<std::size_t>(bin_columns_);
+    const std::int32_t begin = bin_begin_[first + static_cast<std::size_t>(west)];
+    const std::int32_t end = bin_begin_[first + static_cast<std::size_t>(east) + 1];
+    for (std::int32_t k = begin; k < end; ++k) {
+      const std::int32_t i = bin_states_[static_cast<std::size_t>(k)];
+      const double dx_m = x_m_[i] - x_m;
+      const double dy_m = y_m_[i] - y_m;
+      const double dz_m = z_m_[i] - z_m;
+      const double square_m2 = dx_m * dx_m + dy_m * dy_m;
+      if (square_m2 <= radius_m2 && dz_m * dz_m <= climb_square * square_m2 && i != of) {
+        visit(i, std::sqrt(square_m2 + dz_m * dz_m));
+      }
+    }
+  }
+}
+
+void BitStarSearch::begin_batch() {
+  draw_samples();
+  for (std::size_t i = 2; i < x_m_.size(); ++i) {
+    if (from_start_m_[i] + to_goal_m_[i] >= best_cost_m_) {
+      is_pruned_[i] = 1;
+    }
+  }
+  build_bins();
+  queue_.clear();
+  if (counts_.batches == 0) {
+    consider(kStart, kGoal);
+    push(to_goal_m_[kStart], kStart, -1);
+  }
+  ++counts_.batches;
+  for (std::size_t i = first_new_state_; i < x_m_.size(); ++i) {
+    if (is_pruned_[i] == 0) {
+      const int state = static_cast<int>(i);
+      for_each_neighbour(state, [&](int neighbour, double) {
+        if (come_m_[neighbour] < kInfinity) {
+          consider(neighbour, state);
+        }
+      });
+    }
+  }
+  first_new_state_ = x_m_.size();
+  std::vector<Entry> again;
+  again.swap(refused_);
+  const auto place = [](const Entry& entry) { return std::pair(entry.from, entry.to); };
+  std::sort(again.begin(), again.end(),
+            [&](const Entry& a, const Entry& b) { return place(a) < place(b); });
+  again.erase(std::unique(again.begin(), again.end(),
+                          [&](const Entry& a, const Entry& b) { return place(a) == place(b); }),
+              again.end());
+  for (const Entry& entry : again) {
+    if (come_m_[entry.from] < kInfinity) {
+      consider(entry.from, entry.to);
+    }
+  }
+  on_event_();
+}
+
+// --- the queue
+// ------------------------------------------------------------------------------------
+
+bool BitStarSearch::is_later(const Entry& a, const Entry& b) {
+  if (a.key_m != b.key_m) {
+    return a.key_m > b.key_m;
+  }
+  return a.from != b.from ? a.from > b.from : a.to > b.to;
+}
+
+void BitStarSearch::push(double key_m, int from, int to) {
+  queue_.push_back({key_m, from, to});
+  std::push_heap(queue_.begin(), queue_.end(), is_later);
+}
+
+void BitStarSearch::expand(int from) {
+  if (!(come_m_[from] < expanded_at_m_[from])) {
+    return;
+  }
+  expanded_at_m_[from] = come_m_[from];
+  for_each_neighbour(from, [&](int to, double length_m) {
+    if (come_m_[from] + length_m < come_m_[to] && to != parent_[from]) {
+      consider(from, to);
+    }
+  });
+}
+
+// Puts an edge into the queue if it may improve the tree and the best route.
+void BitStarSearch::consider(int from, int to) {
+  if (is_pruned_[to] != 0 || to == kStart) {
+    return;
+  }
+  double cost_m = 0.0;
+  if (const Evaluated* evaluated = find_evaluated(edge_id(from, to)); evaluated != nullptr) {
+    cost_m = evaluated->cost_m;
+  } else {
+    const double dx_m = x_m_[to] - x_m_[from];
+    const double dy_m = y_m_[to] - y_m_[from];
+    const double dz_m = z_m_[to] - z_m_[from];
+    cost_m = std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
+  }
+  const double come_m = come_m_[from] + cost_m;
+  if (come_m < come_m_[to] && come_m + to_goal_m_[to] < best_cost_m_) {
+    push(come_m + to_goal_m_[to], from, to);
+  }
+}
+
+bool BitStarSearch::is_turn_kept(int from, int to) const {
+  const double edge_x_m = x_m_[to] - x_m_[from];
+  const double edge_y_m = y_m_[to] - y_m_[from];
+  if (const int before = parent_[from];
+      before >= 0 && !envelope_->is_turn_allowed(x_m_[from] - x_m_[before],
+                                                 y_m_[from] - y_m_[before], edge_x_m, edge_y_m)) {
+    return false;
+  }
+  for (int child = first_child_[to]; child >= 0; child = next_sibling_[child]) {
+    if (!envelope_->is_turn_allowed(edge_x_m, edge_y_m, x_m_[child] - x_m_[to],
+                                    y_m_[child] - y_m_[to])) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void BitStarSearch::process(const Entry& entry) {
+  const int from = entry.from;
+  const int to = entry.to;
+  if (come_m_[from] == kInfinity) {
+    return;
+  }
+  if (to < 0) {
+    expand(from);
+    return;
+  }
+  if (is_pruned_[to] != 0 || parent_[to] == from || !(come_m_[from] < come_m_[to])) {
+    return;
+  }
+  const std::uint64_t edge = edge_id(from, to);
+  const Evaluated* evaluated = find_evaluated(edge);
+  if (evaluated != nullptr &&
+      !(come_m_[from] + evaluated->cost_m < come_m_[to] &&
+        come_m_[from] + evaluated->cost_m + to_goal_m_[to] < best_cost_m_)) {
+    return;
+  }
+  if (!is_turn_kept(from, to)) {
+    refused_.push_back(entry);
+    return;
+  }
+  if (evaluated == nullptr) {
+    // Always in the same direction, so that both have the same cost to the last bit.
+    const int low = std::min(from, to);
+    const int high = std::max(from, to);
+    const double cost_m = envelope_->leg_cost_m(state(static_cast<std::size_t>(low)),
+                                                state(static_cast<std::size_t>(high)));
+    ++counts_.work_units;
+    store_evaluated(edge, cost_m);
+    consider(from, to);
+    return;
+  }
+  attach(from, to, evaluated->cost_m);
+}
+
+void BitStarSearch::unlink_child(int parent, int child) {
+  std::int32_t* link = &first_child_[parent];
+  while (*link != child) {
+    link = &next_sibling_[*link];
+  }
+  *link = next_sibling_[child];
+  next_sibling_[child] = -1;
+}
+
+void BitStarSearch::attach(int from, int to, double cost_m) {
+  if (parent_[to] >= 0) {
+    unlink_child(parent_[to], to);
+  }
+  parent_[to] = from;
+  next_sibling_[to] = first_child_[from];
+  first_child_[from] = to;
+  edge_cost_m_[to] = cost_m;
+  come_m_[to] = come_m_[from] + cost_m;
+  push(come_m_[to] + to_goal_m_[to], to, -1);
+  update_descendants(to);
+  if (come_m_[kGoal] < best_cost_m_) {
+    accept_goal();
+  }
+}
+
+void BitStarSearch::update_descendants(int root) {
+  std::vector<std::int32_t> open = {root};
+  while (!open.empty()) {
+    const std::int32_t at = open.back();
+    open.pop_back();
+    for (int child = first_child_[at]; child >= 0; child = next_sibling_[child]) {
+      come_m_[child] = come_m_[at] + edge_cost_m_[child];
+      push(come_m_[child] + to_goal_m_[child], child, -1);
+      open.push_back(child);
+    }
+  }
+}
+
+// Takes a state and everything behind it out of the tree; neighbours may connect it again.
+void BitStarSearch::detach(int root) {
+  unlink_child(parent_[root], root);
+  std::vector<std::int32_t> lost = {root};
+  for (std::size_t k = 0; k < lost.size(); ++k) {
+    const std::int32_t at = lost[k];
+    for (int child = first_child_[at]; child >= 0;) {
+      lost.push_back(child);
+      const int next = next_sibling_[child];
+      next_sibling_[child] = -1;
+      child = next;
+    }
+    first_child_[at] = -1;
+    parent_[at] = -1;
+    come_m_[at] = kInfinity;
+    expanded_at_m_[at] = kInfinity;
+  }
+  for (const std::int32_t at : lost) {
+    for_each_neighbour(at, [&](int neighbour, double) {
+      if (come_m_[neighbour] < kInfinity) {
+        consider(neighbour, at);
+      }
+    });
+  }
+}
+
+// The tree reaches the goal at less cost: takes the route if it passes the fine check. Else the
+// edge that fails leaves the graph.
+void BitStarSearch::accept_goal() {
+  std::vector<std::int32_t> path;
+  for (int at = kGoal; at >= 0; at = parent_[at]) {
+    path.push_back(at);
+  }
+  std::reverse(path.begin(), path.end());
+  for (std::size_t k = 1; k < path.size(); ++k) {
+    Evaluated* evaluated = find_evaluated(edge_id(path[k - 1], path[k]));
+    HEDGEHOP_ASSERT(evaluated != nullptr);
+    if (evaluated->is_fine_checked) {
+      continue;
+    }
+    if (counts_.work_units >= budget_) {
+      return;
+    }
+    ++counts_.work_units;
+    if (!envelope_->is_clear(state(static_cast<std::size_t>(path[k - 1])),
+                             state(static_cast<std::size_t>(path[k])))) {
+      evaluated->cost_m = kInfinity;
+      detach(path[k]);
+      return;
+    }
+    evaluated->is_fine_checked = true;
+  }
+  best_cost_m_ = come_m_[kGoal];
+  best_route_.clear();
+  for (const std::int32_t at : path) {
+    best_route_.push_back(state(static_cast<std::size_t>(at)));
+  }
+  on_event_();
+}
+
+void BitStarSearch::run(std::int64_t work_budget, const ShouldStop& should_stop,
+                        const OnEvent& on_event) {
+  budget_ = work_budget;
+  on_event_ = on_event;
+  int until_asked = 0;
+  std::int64_t idle_batches = 0;
+  if (come_m_[kGoal] < best_cost_m_) {
+    accept_goal();  // the budget of the run before ended in the middle of the fine check
+  }
+  while (counts_.work_units < budget_ && !is_optimal()) {
+    if (--until_asked < 0) {
+      until_asked = kStopInterval;
+      if (should_stop()) {
+        return;
+      }
+    }
+    if (queue_.empty() || queue_.front().key_m >= best_cost_m_) {
+      const std::int64_t before = counts_.work_units;
+      begin_batch();
+      until_asked = 0;
+      // Batches cost time but no work units when no edge can be tried (all ground unknown, say).
+      idle_batches = queue_.empty() && before == counts_.work_units ? idle_batches + 1 : 0;
+      if (idle_batches > 20) {
+        return;
+      }
+      continue;
+    }
+    std::pop_heap(queue_.begin(), queue_.end(), is_later);
+    const Entry entry = queue_.back();
+    queue_.pop_back();
+    process(entry);
+  }
+}
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,331 @@
+#include "global_planning/flight_envelope.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/elementary.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr float kNaNFloat = std::numeric_limits<float>::quiet_NaN();
+
+// A start exactly on the floor must not fail by the rounding of its own height.
+constexpr double kHeightTolerance_m = 1e-6;
+
+// Greatest of the values within `half_width` columns of each column; NaN wins, outside counts as
+// NaN.
+void running_maximum(const float* row, int columns, int half_width, std::vector<float>& result) {
+  for (int column = 0; column < columns; ++column) {
+    float greatest = -std::numeric_limits<float>::infinity();
+    if (column < half_width || column + half_width >= columns) {
+      greatest = kNaNFloat;
+    } else {
+      for (int k = column - half_width; k <= column + half_width; ++k) {
+        greatest = row[k] > greatest || std::isnan(row[k]) ? row[k] : greatest;
+        if (std::isnan(greatest)) {
+          break;
+        }
+      }
+    }
+    result[static_cast<std::size_t>(column)] = greatest;
+  }
+}
+
+}  // namespace
+
+raster::Grid<float> dilated_surface(const raster::Grid<float>& surface_m, double margin_m) {
+  const raster::GridGeometry& geometry = surface_m.geometry();
+  const double margin = margin_m / geometry.cell_m;
+  if (!(margin > 0.0)) {
+    return surface_m;
+  }
+  // Half width of the row of offsets at distance `by` rows; -1 where there is none.
+  std::vector<int> half_widths;
+  for (int by = 0;; ++by) {
+    const double dy = std::max(by - 1, 0);
+    if (dy * dy >= margin * margin) {
+      break;
+    }
+    int bx = 0;
+    while (bx * static_cast<double>(bx) + dy * dy < margin * margin) {
+      ++bx;  // offset bx + 1 would have max(|b| - 1, 0) = bx
+    }
+    half_widths.push_back(bx);
+  }
+  raster::Grid<float> result(geometry, -std::numeric_limits<float>::infinity());
+  std::vector<float> maximum(static_cast<std::size_t>(geometry.columns));
+  const int reach = static_cast<int>(half_widths.size()) - 1;
+  for (int by = 0; by <= reach; ++by) {
+    const int half_width = half_widths[static_cast<std::size_t>(by)];
+    for (int row = 0; row < geometry.rows; ++row) {
+      running_maximum(surface_m.row(row), geometry.columns, half_width, maximum);
+      for (const int target : {row - by, row + by}) {
+        if (target < 0 || target >= geometry.rows) {
+          continue;
+        }
+        float* out = result.row(target);
+        for (int column = 0; column < geometry.columns; ++column) {
+          const float value = maximum[static_cast<std::size_t>(column)];
+          if (value > out[column] || std::isnan(value)) {
+            out[column] = value;
+          }
+        }
+      }
+    }
+  }
+  for (int row = 0; row < geometry.rows; ++row) {
+    if (row < reach || row + reach >= geometry.rows) {
+      std::fill_n(result.row(row), geometry.columns, kNaNFloat);
+    }
+  }
+  return result;
+}
+
+FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions& options,
+                               const flight::Waypoint& start, const flight::Waypoint& goal)
+    : costs_(&costs),
+      geometry_(costs.map().geometry),
+      inverse_cell_1pm_(1.0 / geometry_.cell_m),
+      floor_m_(options.envelope_floor_m),
+      ceiling_m_(options.envelope_ceiling_m),
+      reference_height_m_(costs.map().reference_height_m),
+      check_step_m_(options.check_step_m),
+      final_check_step_m_(options.final_check_step_m),
+      climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
+      turn_cosine_min_(elementary::cos(options.turn_angle_max_rad)),
+      turn_radius_m_(options.turn_radius_m),
+      funnel_m_(options.end_funnel_m),
+      start_(start),
+      goal_(goal) {
+  const map::Map& map = costs.map();
+  const raster::Grid<float> dilated = dilated_surface(map.surface_m, options.lateral_margin_m);
+  cells_.resize(geometry_.cell_count());
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    cells_[i] = {map.surface_m.values()[i], dilated.values()[i],
+                 costs.visibility_layer().values()[i], costs.semantics_layer().values()[i]};
+  }
+  const std::array<flight::Waypoint, 2> ends = {start, goal};
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    const double height_m =
+        ends[i].altitude_m - raster::sample_bilinear(map.surface_m, ends[i].point());
+    ends_[i] = {ends[i].x_m, ends[i].y_m, std::min(height_m, floor_m_)};
+  }
+}
+
+FlightEnvelope::Sample FlightEnvelope::sample(double x_m, double y_m) const {
+  const double column_position = (x_m - geometry_.west_m) * inverse_cell_1pm_;
+  const double row_position = (y_m - geometry_.south_m) * inverse_cell_1pm_;
+  // Beyond the outermost centres the margin is unknown, so the point is not flyable anyway.
+  const double u = column_position - 0.5;
+  const double v = row_position - 0.5;
+  if (!(u >= 0.0 && u < geometry_.columns - 1 && v >= 0.0 && v < geometry_.rows - 1)) {
+    return {{kNaN, kNaN}, kNaN, nullptr};
+  }
+  const int column = static_cast<int>(u);
+  const int row = static_cast<int>(v);
+  const double fu = u - column;
+  const double fv = v - row;
+  const Cell* south = &cell(column, row);
+  const Cell* north = south + geometry_.columns;
+  const auto mix = [&](double a, double b, double c, double d) {
+    return (1.0 - fv) * ((1.0 - fu) * a + fu * b) + fv * ((1.0 - fu) * c + fu * d);
+  };
+  const double surface_m =
+      mix(static_cast<double>(south[0].surface_m), static_cast<double>(south[1].surface_m),
+          static_cast<double>(north[0].surface_m), static_cast<double>(north[1].surface_m));
+  const double dilated_m =
+      mix(static_cast<double>(south[0].dilated_m), static_cast<double>(south[1].dilated_m),
+          static_cast<double>(north[0].dilated_m), static_cast<double>(north[1].dilated_m));
+  double low_m = dilated_m + floor_m_;
+  for (const End& end : ends_) {
+    const double dx_m = x_m - end.x_m;
+    const double dy_m = y_m - end.y_m;
+    const double square_m2 = dx_m * dx_m + dy_m * dy_m;
+    if (square_m2 < funnel_m_ * funnel_m_) {
+      const double share = std::sqrt(square_m2) / funnel_m_;
+      low_m = std::min(low_m, (1.0 - share) * (surface_m + end.floor_m) +
+                                  share * (dilated_m + floor_m_) - kHeightTolerance_m);
+    }
+  }
+  const Cell* nearest = (fv < 0.5 ? south : north) + (fu < 0.5 ? 0 : 1);
+  return {{low_m, surface_m + ceiling_m_}, surface_m, nearest};
+}
+
+AltitudeBand FlightEnvelope::band_at(const geo::MapPoint& point) const {
+  return sample(point.x_m, point.y_m).band;
+}
+
+AltitudeBand FlightEnvelope::widest_band_over(raster::CellIndex index) const {
+  const geo::MapPoint centre = geometry_.centre(index);
+  double end_floor_m = kInfinity;
+  for (const End& end : ends_) {
+    const double dx_m = centre.x_m - end.x_m;
+    const double dy_m = centre.y_m - end.y_m;
+    if (std::sqrt(dx_m * dx_m + dy_m * dy_m) < funnel_m_ + geometry_.cell_m) {
+      end_floor_m = std::min(end_floor_m, end.floor_m);
+    }
+  }
+  // Interpolation over the cell uses these centres and stays between their values.
+  AltitudeBand band{kInfinity, -kInfinity};
+  for (int row = std::max(index.row - 1, 0); row <= std::min(index.row + 1, geometry_.rows - 1);
+       ++row) {
+    for (int column = std::max(index.column - 1, 0);
+         column <= std::min(index.column + 1, geometry_.columns - 1); ++column) {
+      const Cell& here = cell(column, row);
+      if (std::isnan(here.dilated_m)) {
+        continue;
+      }
+      const double floor_m = std::min(static_cast<double>(here.dilated_m) + floor_m_,
+                                      static_cast<double>(here.surface_m) + end_floor_m);
+      band.low_m = std::min(band.low_m, floor_m - kHeightTolerance_m);
+      band.high_m = std::max(band.high_m, static_cast<double>(here.surface_m) + ceiling_m_);
+    }
+  }
+  return band;
+}
+
+bool FlightEnvelope::contains(const flight::Waypoint& point) const {
+  const AltitudeBand band = band_at(point.point());
+  return point.altitude_m >= band.low_m && point.altitude_m <= band.high_m;
+}
+
+bool FlightEnvelope::is_climb_allowed(const flight::Waypoint& a, const flight::Waypoint& b) const {
+  const double dx_m = b.x_m - a.x_m;
+  const double dy_m = b.y_m - a.y_m;
+  const double dz_m = b.altitude_m - a.altitude_m;
+  const double square_m2 = dx_m * dx_m + dy_m * dy_m;
+  return square_m2 > 0.0 && dz_m * dz_m <= climb_tangent_max_ * climb_tangent_max_ * square_m2;
+}
+
+double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const {
+  if (!is_climb_allowed(a, b)) {
+    return kInfinity;
+  }
+  const double dx_m = b.x_m - a.x_m;
+  const double dy_m = b.y_m - a.y_m;
+  const double dz_m = b.altitude_m - a.altitude_m;
+  const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
+  const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / check_step_m_)));
+  const risk::CostWeights& weights = costs_->weights();
+  const double share = 1.0 / steps;
+  double sum = 0.0;
+  const auto add = [&](int k) {
+    const double t = (k + 0.5) * share;
+    const Sample here = sample(a.x_m + t * dx_m, a.y_m + t * dy_m);
+    const double altitude_m = a.altitude_m + t * dz_m;
+    if (!(altitude_m >= here.band.low_m && altitude_m <= here.band.high_m)) {
+      return false;
+    }
+    const double above_m = altitude_m - here.surface_m - reference_height_m_;
+    const double seen = (1.0 + weights.visibility_per_height_1pm * std::max(above_m, 0.0)) *
+                        static_cast<double>(here.nearest->visibility);
+    sum += 1.0 + weights.visibility * seen * seen +
+           weights.semantics * static_cast<double>(here.nearest->semantics) +
+           weights.height_1pm * std::fabs(above_m);
+    return true;
+  };
+  // Legs between two good states fail in the middle, if anywhere: begin there.
+  const int middle = steps / 2;
+  for (int k = middle; k < steps; ++k) {
+    if (!add(k)) {
+      return kInfinity;
+    }
+  }
+  for (int k = middle - 1; k >= 0; --k) {
+    if (!add(k)) {
+      return kInfinity;
+    }
+  }
+  return sum * share * leg_m;
+}
+
+bool FlightEnvelope::is_clear(const flight::Waypoint& a, const flight::Waypoint& b) const {
+  if (!is_climb_allowed(a, b) || !contains(a) || !contains(b)) {
+    return false;
+  }
+  const double dx_m = b.x_m - a.x_m;
+  const double dy_m = b.y_m - a.y_m;
+  const double dz_m = b.altitude_m - a.altitude_m;
+  const double step = final_check_step_m_ / std::sqrt(dx_m * dx_m + dy_m * dy_m);
+  struct Gaps {
+    double below_m, above_m;
+  };
+  const auto gaps_at = [&](double t) {
+    const AltitudeBand band = sample(a.x_m + t * dx_m, a.y_m + t * dy_m).band;
+    const double altitude_m = a.altitude_m + t * dz_m;
+    return Gaps{altitude_m - band.low_m, band.high_m - altitude_m};
+  };
+  // Least value on [0, 1] of the parabola through (0, f0), (1/2, fm), (1, f1).
+  const auto least = [](double f0, double fm, double f1) {
+    const double quadratic = 2.0 * (f0 + f1) - 4.0 * fm;
+    const double linear = 4.0 * fm - 3.0 * f0 - f1;
+    double value = std::min(f0, f1);
+    if (quadratic > 0.0 && linear < 0.0 && -linear < 2.0 * quadratic) {
+      value = std::min(value, f0 - linear * linear / (4.0 * quadratic));
+    }
+    return value;
+  };
+  // Share of the leg at which it crosses the next line through cell centres, per axis.
+  const auto first_crossing = [&](double position_m, double origin_m, double delta_m) {
+    const double place = (position_m - origin_m) * inverse_cell_1pm_ - 0.5;
+    return delta_m > 0.0 ? std::floor(place) + 1.0 : std::ceil(place) - 1.0;
+  };
+  double line_x = first_crossing(a.x_m, geometry_.west_m, dx_m);
+  double line_y = first_crossing(a.y_m, geometry_.south_m, dy_m);
+  const auto share_of = [&](double line, double position_m, double origin_m, double delta_m) {
+    return delta_m == 0.0 ? kInfinity
+                          : (origin_m + (line + 0.5) * geometry_.cell_m - position_m) / delta_m;
+  };
+  double next_x = share_of(line_x, a.x_m, geometry_.west_m, dx_m);
+  double next_y = share_of(line_y, a.y_m, geometry_.south_m, dy_m);
+  double t = 0.0;
+  Gaps before = gaps_at(0.0);
+  while (t < 1.0) {
+    double end = std::min(t + step, 1.0);
+    if (next_x <= t) {
+      line_x += dx_m > 0.0 ? 1.0 : -1.0;
+      next_x = share_of(line_x, a.x_m, geometry_.west_m, dx_m);
+      continue;
+    }
+    if (next_y <= t) {
+      line_y += dy_m > 0.0 ? 1.0 : -1.0;
+      next_y = share_of(line_y, a.y_m, geometry_.south_m, dy_m);
+      continue;
+    }
+    end = std::min(end, std::min(next_x, next_y));
+    const Gaps middle = gaps_at(0.5 * (t + end));
+    const Gaps after = gaps_at(end);
+    // Written so that NaN fails.
+    if (!(least(before.below_m, middle.below_m, after.below_m) >= 0.0 &&
+          least(before.above_m, middle.above_m, after.above_m) >= 0.0 && middle.below_m >= 0.0 &&
+          middle.above_m >= 0.0)) {
+      return false;
+    }
+    before = after;
+    t = end;
+  }
+  return true;
+}
+
+bool FlightEnvelope::is_turn_allowed(double first_x_m, double first_y_m, double second_x_m,
+                                     double second_y_m) const {
+  const double first_m2 = first_x_m * first_x_m + first_y_m * first_y_m;
+  const double second_m2 = second_x_m * second_x_m + second_y_m * second_y_m;
+  const double cosine =
+      (first_x_m * second_x_m + first_y_m * second_y_m) / std::sqrt(first_m2 * second_m2);
+  if (!(cosine >= turn_cosine_min_)) {
+    return false;
+  }
+  if (!(turn_radius_m_ > 0.0)) {
+    return true;
+  }
+  // tan^2(turn / 2) = (1 - cos) / (1 + cos)
+  return turn_radius_m_ * turn_radius_m_ * std::max(1.0 - cosine, 0.0) <=
+         0.25 * std::min(first_m2, second_m2) * (1.0 + cosine);
+}
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,122 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "flight/route.hpp"
+#include "global_planning/global_planner.hpp"
+#include "raster/grid.hpp"
+#include "risk/cost_model.hpp"
+
+namespace hedgehop::global_planning {
+
+/// Highest surface around each cell centre, such that bilinear interpolation keeps the margin:
+///
+///     bilinear(result, p) >= bilinear(surface, q)   for all q with |q - p| <= margin_m
+///
+/// The result takes the greatest value over all cell offsets b with (max(|bx| - 1, 0))^2 +
+/// (max(|by| - 1, 0))^2 < (margin / cell)^2. Why that is enough: with d = (q - p) / cell, the
+/// weights of bilinear interpolation at p and at q can be paired, axis by axis, so that only the
+/// offsets floor(d) and ceil(d) occur; each of them lies less than one cell from d in both axes.
+///
+/// NaN where one of these cells is NaN or outside the raster: unknown ground may hide anything.
+/// O(cells * margin / cell).
+raster::Grid<float> dilated_surface(const raster::Grid<float>& surface_m, double margin_m);
+
+/// Altitudes that may be flown over one point [m AMSL]; NaN over unknown ground.
+struct AltitudeBand {
+  double low_m = 0.0;
+  double high_m = 0.0;
+
+  /// False for NaN as well.
+  [[nodiscard]] bool is_flyable() const { return low_m <= high_m; }
+};
+
+/// Where a route may run and what it costs there: the terms of the search between one start and one
+/// goal. Immutable, safe for concurrent use.
+///
+/// The band over a point p is [dilated surface + envelope_floor_m, surface + envelope_ceiling_m],
+/// both interpolated bilinearly. A start or goal is usually lower than that (at reference height,
+/// and on a slope perhaps lower than the ground beside it), so the floor is a funnel around each of
+/// them: at horizontal distance r < end_funnel_m it is the mixture (1 - u) (surface + min(height of
+/// the end, floor)) + u (dilated surface + floor) with u = r / end_funnel_m. Hence no route is ever
+/// closer to the interpolated surface below than the lower of floor and end height.
+class FlightEnvelope {
+ public:
+  /// `costs` must outlive the envelope.
+  FlightEnvelope(const risk::CostModel& costs, const GlobalOptions& options,
+                 const flight::Waypoint& start, const flight::Waypoint& goal);
+
+  [[nodiscard]] const risk::CostModel& costs() const { return *costs_; }
+  [[nodiscard]] const raster::GridGeometry& geometry() const { return geometry_; }
+  [[nodiscard]] const flight::Waypoint& start() const { return start_; }
+  [[nodiscard]] const flight::Waypoint& goal() const { return goal_; }
+
+  /// The band over a point; NaN over unknown ground and outside the map.
+  [[nodiscard]] AltitudeBand band_at(const geo::MapPoint& point) const;
+  [[nodiscard]] bool contains(const flight::Waypoint& point) const;
+
+  /// Whether the climb angle of the straight leg, up or down, is within the limit. Legs without
+  /// horizontal length are not.
+  [[nodiscard]] bool is_climb_allowed(const flight::Waypoint& a, const flight::Waypoint& b) const;
+
+  /// Cost of a straight leg by eq. (1), midpoint rule with steps of at most check_step_m, or
+  /// infinity if a midpoint leaves the band or the climb angle is too steep. About 15 ns a step.
+  [[nodiscard]] double leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const;
+
+  /// Whether the whole straight leg keeps band and climb limit: between the lines through cell
+  /// centres the band is a quadratic function along the leg, so its least distance is found
+  /// exactly. Inside the funnels the quadratic is an interpolation over at most final_check_step_m.
+  [[nodiscard]] bool is_clear(const flight::Waypoint& a, const flight::Waypoint& b) const;
+
+  /// Whether a corner between two legs, given by their horizontal vectors, may be flown: the turn
+  /// is at most turn_angle_max and, if turn_radius_m > 0, the tangents of the arc with that radius
+  /// fit into half of each leg: turn_radius_m tan(turn / 2) <= min(|first|, |second|) / 2.
+  [[nodiscard]] bool is_turn_allowed(double first_x_m, double first_y_m, double second_x_m,
+                                     double second_y_m) const;
+
+  /// A band that holds every altitude that may be flown anywhere over one cell; not flyable if
+  /// there is none. The cell must be inside the map.
+  [[nodiscard]] AltitudeBand widest_band_over(raster::CellIndex cell) const;
+
+ private:
+  struct Cell {
+    float surface_m;
+    float dilated_m;
+    float visibility;
+    float semantics;
+  };
+  struct Sample {
+    AltitudeBand band;
+    double surface_m;
+    const Cell* nearest;
+  };
+  struct End {
+    double x_m, y_m, floor_m;
+  };
+
+  [[nodiscard]] const Cell& cell(int column, int row) const {
+    return cells_[static_cast<std::size_t>(row) * static_cast<std::size_t>(geometry_.columns) +
+                  static_cast<std::size_t>(column)];
+  }
+  [[nodiscard]] Sample sample(double x_m, double y_m) const;
+
+  const risk::CostModel* costs_;
+  raster::GridGeometry geometry_;
+  std::vector<Cell> cells_;
+  double inverse_cell_1pm_;
+  double floor_m_;
+  double ceiling_m_;
+  double reference_height_m_;
+  double check_step_m_;
+  double final_check_step_m_;
+  double climb_tangent_max_;
+  double turn_cosine_min_;
+  double turn_radius_m_;
+  double funnel_m_;
+  flight::Waypoint start_;
+  flight::Waypoint goal_;
+  std::array<End, 2> ends_;
+};
+
+}  // namespace hedgehop::global_planning

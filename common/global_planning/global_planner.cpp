@@ -1,0 +1,201 @@
+#include "global_planning/global_planner.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <ompl/base/Planner.h>
+#include <ompl/base/PlannerTerminationCondition.h>
+#include <ompl/base/ProblemDefinition.h>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "global_planning/bit_star.hpp"
+#include "global_planning/bit_star_search.hpp"
+#include "global_planning/flight_envelope.hpp"
+#include "global_planning/reachability.hpp"
+#include "global_planning/route_finish.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+using flight::NoPlan;
+using flight::NoPlanCause;
+
+// The shortcut scan gets this share of the budget, but no more than a long route can use.
+constexpr std::int64_t kShortcutShare = 20;
+constexpr std::int64_t kShortcutWorkMax = 5000;
+
+std::string text_of(double value) {
+  std::ostringstream text;
+  text.precision(1);
+  text << std::fixed << value;
+  return text.str();
+}
+
+struct EndNames {
+  const char* name;
+  NoPlanCause outside, unknown, below, above;
+};
+constexpr EndNames kStartNames = {
+    "start", NoPlanCause::kStartOutsideMap, NoPlanCause::kStartUnknownTerrain,
+    NoPlanCause::kStartBelowEnvelope, NoPlanCause::kStartAboveEnvelope};
+constexpr EndNames kGoalNames = {"goal", NoPlanCause::kGoalOutsideMap,
+                                 NoPlanCause::kGoalUnknownTerrain, NoPlanCause::kGoalBelowEnvelope,
+                                 NoPlanCause::kGoalAboveEnvelope};
+
+std::optional<NoPlan> fault_of(const flight::Waypoint& end, const EndNames& names,
+                               const FlightEnvelope& envelope, const GlobalOptions& options) {
+  const auto fault = [&](NoPlanCause cause, const std::string& why) {
+    return NoPlan{cause, end.point(), std::string("the ") + names.name + " " + why};
+  };
+  if (!envelope.geometry().contains(end.point())) {
+    return fault(names.outside, "lies outside the map; choose a place inside it");
+  }
+  const AltitudeBand band = envelope.band_at(end.point());
+  if (std::isnan(band.low_m) || std::isnan(band.high_m)) {
+    return fault(names.unknown, "has unknown ground or the edge of the map within " +
+                                    text_of(options.lateral_margin_m) +
+                                    " m; choose a place farther from it or add elevation data");
+  }
+  const double surface_m = band.high_m - options.envelope_ceiling_m;
+  const double height_m = end.altitude_m - surface_m;
+  if (height_m <= 0.0) {
+    return fault(names.below,
+                 "is " + text_of(-height_m) + " m below the surface; give it a height");
+  }
+  if (end.altitude_m > band.high_m) {
+    return fault(names.above, "is " + text_of(height_m) + " m above the surface, higher than " +
+                                  text_of(options.envelope_ceiling_m) +
+                                  " m; lower it or raise global.envelope_ceiling_m");
+  }
+  if (!band.is_flyable()) {
+    return fault(names.below,
+                 "stands at a step of the surface that is higher than the envelope; move it");
+  }
+  return std::nullopt;
+}
+
+NoPlan no_plan_of(const Disconnection& gap) {
+  std::ostringstream why;
+  why << "no route exists: from the start only " << gap.reachable_cells
+      << " cells of the map can be reached within the height envelope, and the goal is not among "
+         "them; unknown ground or steps higher than the envelope lie between. The marked place is "
+         "the "
+         "reachable one nearest to the goal. Choose another "
+      << (gap.is_goal_enclosed ? "goal" : "start") << ", or raise global.envelope_ceiling_m";
+  return {NoPlanCause::kSearchSpaceDisconnected, gap.nearest_to_goal, why.str()};
+}
+
+}  // namespace
+
+GlobalOptions read_global_options(ConfigReader& reader) {
+  GlobalOptions options;
+  const auto positive = [&](const char* key, double& value) {
+    value = reader.required_double(key);
+    reader.require(value > 0.0 && std::isfinite(value), key, "must be above 0");
+  };
+  const auto not_negative = [&](const char* key, double& value) {
+    value = reader.required_double(key);
+    reader.require(value >= 0.0 && std::isfinite(value), key, "must not be negative");
+  };
+  positive("envelope_floor_m", options.envelope_floor_m);
+  positive("envelope_ceiling_m", options.envelope_ceiling_m);
+  reader.require(options.envelope_ceiling_m > options.envelope_floor_m, "envelope_ceiling_m",
+                 "must be above envelope_floor_m");
+  not_negative("lateral_margin_m", options.lateral_margin_m);
+  options.climb_angle_max_rad = reader.required_angle("climb_angle_max_deg");
+  reader.require(options.climb_angle_max_rad > 0.0 && options.climb_angle_max_rad < 1.0,
+                 "climb_angle_max_deg", "must lie between 0 and 57");
+  options.turn_angle_max_rad = reader.required_angle("turn_angle_max_deg");
+  reader.require(options.turn_angle_max_rad > 0.0 && options.turn_angle_max_rad < 3.1416,
+                 "turn_angle_max_deg", "must lie between 0 and 180");
+  not_negative("turn_radius_m", options.turn_radius_m);
+  positive("end_funnel_m", options.end_funnel_m);
+  positive("check_step_m", options.check_step_m);
+  positive("final_check_step_m", options.final_check_step_m);
+  reader.require(options.final_check_step_m <= options.check_step_m, "final_check_step_m",
+                 "must not be above check_step_m");
+  positive("guide_spacing_m", options.guide_spacing_m);
+  options.batch_size = reader.required_integer("batch_size");
+  reader.require(options.batch_size >= 1 && options.batch_size <= 1000000, "batch_size",
+                 "must lie between 1 and 1000000");
+  positive("radius_factor", options.radius_factor);
+  options.work_budget = reader.required_integer("work_budget");
+  reader.require(options.work_budget >= 1, "work_budget", "must be at least 1");
+  reader.finish();
+  return options;
+}
+
+std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
+                                             const GlobalOptions& options,
+                                             const RouteProblem& problem,
+                                             const OnProgress& on_progress,
+                                             const Observer& observer) {
+  const FlightEnvelope envelope(costs, options, problem.start, problem.goal);
+  if (auto fault = fault_of(problem.start, kStartNames, envelope, options)) {
+    return *fault;
+  }
+  if (auto fault = fault_of(problem.goal, kGoalNames, envelope, options)) {
+    return *fault;
+  }
+  if (problem.start.x_m == problem.goal.x_m && problem.start.y_m == problem.goal.y_m) {
+    return NoPlan{NoPlanCause::kGoalEqualsStart, problem.goal.point(),
+                  "start and goal are the same place; choose another goal"};
+  }
+  if (observer.stop_requested()) {
+    return NoPlan{NoPlanCause::kStopped, std::nullopt, "stopped before the search began"};
+  }
+  if (const auto gap = prove_disconnected(envelope)) {
+    return no_plan_of(*gap);
+  }
+
+  const std::int64_t budget = problem.work_budget;
+  const std::int64_t shortcut_budget = std::min(budget / kShortcutShare, kShortcutWorkMax);
+  const auto tell = [&](const BitStarSearch& search) {
+    if (on_progress) {
+      on_progress(RouteProgress{search.counts().work_units, budget, search.best_cost_m(),
+                                search.lower_bound_m()});
+    }
+  };
+  const auto space = make_space_information(envelope, options.check_step_m);
+  const auto planner =
+      make_bit_star(space, envelope, options, problem.seed, {budget - shortcut_budget, tell});
+  planner->setProblemDefinition(make_problem(space, envelope));
+  planner->setup();
+  planner->solve(
+      ompl::base::PlannerTerminationCondition([&observer] { return observer.stop_requested(); }));
+  const BitStarSearch* search = search_of(*planner);
+  HEDGEHOP_ASSERT(search != nullptr);
+
+  const SearchCounts counts = search->counts();
+  if (!search->has_route()) {
+    if (observer.stop_requested()) {
+      return NoPlan{NoPlanCause::kStopped, std::nullopt,
+                    "stopped before a first route was found, after " +
+                        std::to_string(counts.work_units) + " edge evaluations"};
+    }
+    return NoPlan{NoPlanCause::kBudgetExhausted, problem.goal.point(),
+                  "no route was found with " + std::to_string(counts.work_units) +
+                      " edge evaluations and " + std::to_string(counts.samples) +
+                      " states, which proves nothing; give more work (global.work_budget), raise "
+                      "global.envelope_ceiling_m or move start or goal to more open ground"};
+  }
+
+  flight::Route route;
+  route.waypoints = search->best_route();
+  route.work_units = counts.work_units;
+  route.samples = counts.samples;
+  route.batches = counts.batches;
+  cut_short(envelope, options.final_check_step_m, budget, route.work_units, route.waypoints);
+  route.guide = equidistant(route.waypoints, options.guide_spacing_m, route.guide_spacing_m);
+  route.cost = costs.route_cost(route.waypoints, options.final_check_step_m);
+  route.lower_bound_m = std::min(search->lower_bound_m(), route.cost.total_m());
+  if (on_progress) {
+    on_progress(RouteProgress{route.work_units, budget, route.cost.total_m(), route.lower_bound_m});
+  }
+  return route;
+}
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,89 @@
+#include "global_planning/route_finish.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace hedgehop::global_planning {
+namespace {
+
+bool is_corner_allowed(const FlightEnvelope& envelope, const flight::Waypoint& before,
+                       const flight::Waypoint& corner, const flight::Waypoint& after) {
+  return envelope.is_turn_allowed(corner.x_m - before.x_m, corner.y_m - before.y_m,
+                                  after.x_m - corner.x_m, after.y_m - corner.y_m);
+}
+
+}  // namespace
+
+void cut_short(const FlightEnvelope& envelope, double step_m, std::int64_t work_budget,
+               std::int64_t& work_units, std::vector<flight::Waypoint>& waypoints) {
+  const auto cost_m = [&](const flight::Waypoint& a, const flight::Waypoint& b) {
+    return envelope.costs().route_cost({a, b}, step_m).total_m();
+  };
+  bool has_changed = true;
+  while (has_changed) {
+    has_changed = false;
+    for (std::size_t i = 0; i + 2 < waypoints.size(); ++i) {
+      double along_m = cost_m(waypoints[i], waypoints[i + 1]);
+      double best_saving_m = 0.0;
+      std::size_t best = 0;
+      for (std::size_t j = i + 2; j < waypoints.size(); ++j) {
+        along_m += cost_m(waypoints[j - 1], waypoints[j]);
+        const flight::Waypoint& a = waypoints[i];
+        const flight::Waypoint& b = waypoints[j];
+        if (!envelope.is_climb_allowed(a, b) ||
+            (i > 0 && !is_corner_allowed(envelope, waypoints[i - 1], a, b)) ||
+            (j + 1 < waypoints.size() && !is_corner_allowed(envelope, a, b, waypoints[j + 1]))) {
+          continue;
+        }
+        if (work_units >= work_budget) {
+          break;
+        }
+        ++work_units;
+        if (!(envelope.leg_cost_m(a, b) < along_m)) {  // coarse, and infinite when not clear
+          continue;
+        }
+        const double saving_m = along_m - cost_m(a, b);
+        if (saving_m > best_saving_m && envelope.is_clear(a, b)) {
+          best_saving_m = saving_m;
+          best = j;
+        }
+      }
+      // Savings of the order of rounding would never end.
+      if (best > 0 && best_saving_m > 1e-6) {
+        waypoints.erase(waypoints.begin() + static_cast<std::ptrdiff_t>(i) + 1,
+                        waypoints.begin() + static_cast<std::ptrdiff_t>(best));
+        has_changed = true;
+      }
+    }
+  }
+}
+
+std::vector<flight::Waypoint> equidistant(const std::vector<flight::Waypoint>& waypoints,
+                                          double spacing_m, double& actual_spacing_m) {
+  const double all_m = flight::length_m(waypoints);
+  const int parts = std::max(1, static_cast<int>(std::floor(all_m / spacing_m + 0.5)));
+  actual_spacing_m = all_m / parts;
+  std::vector<flight::Waypoint> points = {waypoints.front()};
+  std::size_t leg = 1;
+  double leg_begin_m = 0.0;
+  const auto leg_length_m = [&](std::size_t k) {
+    return flight::length_m({waypoints[k - 1], waypoints[k]});
+  };
+  double leg_m = leg_length_m(leg);
+  for (int part = 1; part < parts; ++part) {
+    const double at_m = all_m * part / parts;
+    while (leg + 1 < waypoints.size() && at_m > leg_begin_m + leg_m) {
+      leg_begin_m += leg_m;
+      leg_m = leg_length_m(++leg);
+    }
+    const double t = leg_m > 0.0 ? std::clamp((at_m - leg_begin_m) / leg_m, 0.0, 1.0) : 0.0;
+    const flight::Waypoint& a = waypoints[leg - 1];
+    const flight::Waypoint& b = waypoints[leg];
+    points.push_back({a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m),
+                      a.altitude_m + t * (b.altitude_m - a.altitude_m)});
+  }
+  points.push_back(waypoints.back());
+  return points;
+}
+
+}  // namespace hedgehop::global_planning
