@@ -1,0 +1,598 @@
+#!/usr/bin/env python3
+"""The command line from outside: what it says and leaves behind when its input is bad, the disk is full
+or the user stops it; its help; its JSON.
+
+  cli_test.py --hedgehop PROGRAM --inputs FOLDER [TEST...]   run these tests (all)
+  cli_test.py --list                                         names of the tests
+  cli_test.py --hedgehop PROGRAM --inputs FOLDER --make-inputs
+                                                             write the inputs that the tests share
+A single test that cannot run here exits with 77 and a line "skipped: reason".
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import synthetic_inputs as inputs
+
+HEDGEHOP = None
+INPUTS = None
+BBOX = ",".join(str(number) for number in inputs.BBOX)
+CELL_M = "60"
+START = "%g,%g" % inputs.START
+GOAL = "%g,%g" % inputs.GOAL
+WORK = "20000"
+
+
+def make_inputs(folder):
+    """All that several tests read; made once for a run."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    hgt = folder / "N49E011.hgt"
+    inputs.write_hgt(hgt)
+    inputs.zip_of(folder / "N49E011.hgt.zip", hgt)
+    inputs.write_osm(folder / "land_use.osm", inputs.land_use())
+    run_checked(["prepare", "--dem", hgt, "--osm", folder / "land_use.osm", "--bbox", BBOX, "--cell-m", CELL_M,
+                 "--out", folder / "map"])
+    run_checked(["plan", "--map", folder / "map", "--start", START, "--goal", GOAL, "--work", WORK,
+                 "--out", folder / "plan"], allowed=(0, 4))
+
+
+def run_checked(arguments, allowed=(0,)):
+    result = subprocess.run([HEDGEHOP, *map(str, arguments)], capture_output=True, text=True, timeout=100)
+    if result.returncode not in allowed:
+        sys.exit(f"hedgehop {' '.join(map(str, arguments))}: exit code {result.returncode}\n{result.stderr}")
+
+
+def listing(folder):
+    """Every path below a folder with its size, hidden ones too."""
+    return sorted((str(path.relative_to(folder)), path.stat().st_size if path.is_file() else -1)
+                  for path in folder.rglob("*"))
+
+
+class CliTest(unittest.TestCase):
+    def setUp(self):
+        self.scratch = tempfile.TemporaryDirectory(prefix="hedgehop_cli_")
+        self.addCleanup(self.scratch.cleanup)
+        base = pathlib.Path(self.scratch.name)
+        self.work = base / "work"  # where output goes
+        self.temporary = base / "temporary"  # TMPDIR of the program
+        self.work.mkdir()
+        self.temporary.mkdir()
+        self.hgt = INPUTS / "N49E011.hgt"
+        self.osm = INPUTS / "land_use.osm"
+        self.map = INPUTS / "map"
+        self.plan = INPUTS / "plan"
+
+    def environment(self):
+        return {**os.environ, "TMPDIR": str(self.temporary)}
+
+    def hedgehop(self, *arguments, timeout=100, **options):
+        return subprocess.run([HEDGEHOP, *map(str, arguments)], capture_output=True, text=True, timeout=timeout,
+                              env=self.environment(), cwd=self.work, **options)
+
+    def assert_refused(self, arguments, code, mentions, advice=r"\w"):
+        """Refused with the code; stderr says what and where (mentions), and what to do (advice).
+
+        Nothing is left behind, neither where the output would be nor in the folder for temporary files.
+        """
+        before = listing(self.work)
+        result = self.hedgehop(*arguments)
+        told = result.stderr
+        self.assertEqual(result.returncode, code, told + result.stdout)
+        errors = [line for line in told.splitlines() if line.startswith("error: ")]
+        self.assertEqual(len(errors), 1, told)
+        for word in mentions:
+            self.assertIn(str(word), told)
+        rest = told[told.index(errors[0]):]
+        self.assertRegex(rest, r"(?m)^hint: |; ", "no word about what to do")
+        self.assertRegex(rest, advice)
+        self.assert_nothing_left(before)
+        return result
+
+    def assert_nothing_left(self, before=()):
+        self.assertEqual(listing(self.work), list(before))
+        self.assertEqual(listing(self.temporary), [])
+
+    def prepare(self, dem, *more, bbox=BBOX, out="map"):
+        return ["prepare", "--dem", dem, "--bbox", bbox, "--cell-m", CELL_M, "--out", self.work / out, *more]
+
+    def plan_arguments(self, *more, start=START, goal=GOAL):
+        return ["plan", "--map", self.map, "--start", start, "--goal", goal, "--work", WORK,
+                "--out", self.work / "plan", *more]
+
+
+class BadInputOfPrepare(CliTest):
+    def test_missing_elevation_file(self):
+        self.assert_refused(self.prepare(self.work / "N49E011.hgt"), 5, ["N49E011.hgt"])
+
+    def test_missing_land_use_file(self):
+        self.assert_refused(self.prepare(self.hgt, "--osm", self.work / "none.osm.pbf"), 5, ["none.osm.pbf"])
+
+    def test_folder_in_place_of_an_elevation_file(self):
+        folder = self.work / "N49E011.hgt"
+        folder.mkdir()
+        self.assert_refused(self.prepare(folder), 5, ["N49E011.hgt"])
+
+    def test_elevation_file_that_is_not_a_raster(self):
+        text = self.work / "notes.tif"
+        text.write_text("this is no raster\n" * 100)
+        self.assert_refused(self.prepare(text), 5, ["notes.tif"])
+
+    def test_empty_elevation_file(self):
+        empty = self.work / "N49E011.hgt"
+        empty.write_bytes(b"")
+        self.assert_refused(self.prepare(empty), 5, ["N49E011.hgt"])
+
+    def test_hgt_whose_name_is_no_place(self):
+        wrong = self.work / "terrain.hgt"
+        shutil.copy(self.hgt, wrong)
+        self.assert_refused(self.prepare(wrong), 5, ["terrain.hgt"], advice=r"[NS]\d\d[EW]\d\d\d")
+
+    def test_hgt_with_a_part_missing(self):
+        short = self.work / "N49E011.hgt"
+        short.write_bytes(self.hgt.read_bytes()[:-3000])
+        self.assert_refused(self.prepare(short), 5, ["N49E011.hgt"])
+
+    def test_truncated_zip(self):
+        whole = (INPUTS / "N49E011.hgt.zip").read_bytes()
+        cut = self.work / "N49E011.hgt.zip"
+        cut.write_bytes(whole[:len(whole) // 2])
+        self.assert_refused(self.prepare(cut), 5, ["N49E011.hgt.zip"])
+
+    def test_zip_with_damaged_content(self):
+        whole = bytearray((INPUTS / "N49E011.hgt.zip").read_bytes())
+        middle = len(whole) // 2
+        whole[middle:middle + 64] = bytes(64)
+        damaged = self.work / "N49E011.hgt.zip"
+        damaged.write_bytes(whole)
+        self.assert_refused(self.prepare(damaged), 5, ["N49E011.hgt.zip"])
+
+    def test_zip_without_an_elevation_file(self):
+        text = self.work / "readme.txt"
+        text.write_text("nothing here\n")
+        archive = self.work / "N49E011.hgt.zip"
+        inputs.zip_of(archive, text)
+        self.assert_refused(self.prepare(archive), 5, ["N49E011.hgt.zip"])
+
+    def test_elevation_of_voids_alone(self):
+        void = self.work / "N49E011.hgt"
+        inputs.write_all_void_hgt(void)
+        self.assert_refused(self.prepare(void), 5, ["N49E011.hgt"], advice="void|no elevation|unknown")
+
+    def test_land_use_without_nodes(self):
+        bare = self.work / "bare.osm"
+        inputs.write_osm(bare, '<?xml version="1.0"?>\n<osm version="0.6"></osm>\n')
+        self.assert_refused(self.prepare(self.hgt, "--osm", bare), 5, ["bare.osm"], advice="node")
+
+    def test_land_use_that_ends_in_the_middle(self):
+        text = inputs.land_use()
+        cut = self.work / "cut.osm"
+        cut.write_text(text[:len(text) // 2])
+        self.assert_refused(self.prepare(self.hgt, "--osm", cut), 5, ["cut.osm"])
+
+    def test_land_use_that_is_no_such_file(self):
+        wrong = self.work / "wrong.osm.pbf"
+        wrong.write_bytes(bytes(range(256)) * 40)
+        self.assert_refused(self.prepare(self.hgt, "--osm", wrong), 5, ["wrong.osm.pbf"])
+
+    def test_bounding_box_outside_the_elevation(self):
+        self.assert_refused(self.prepare(self.hgt, bbox="20.1,60.1,20.2,60.2"), 5, ["N49E011"], advice="--bbox|extent|cover")
+
+    def test_bounding_box_half_outside_the_elevation(self):
+        self.assert_refused(self.prepare(self.hgt, bbox="10.9,49.5,11.1,49.6"), 5, [], advice="--bbox|extent|cover|void")
+
+    def test_bounding_box_inside_out(self):
+        self.assert_refused(self.prepare(self.hgt, bbox="11.5,49.6,11.4,49.5"), 2, [], advice="bbox|extent|west")
+
+    def test_bounding_box_larger_than_the_limit(self):
+        self.assert_refused(["prepare", "--dem", self.hgt, "--bbox", "11.0,49.0,12.0,50.0", "--cell-m", "0.5",
+                             "--out", self.work / "map"], 2, [], advice="cell")
+
+    def test_unknown_configuration_key(self):
+        mine = self.work / "mine.yaml"
+        mine.write_text("# my settings\ncell_mm: 30\n")
+        self.assert_refused(self.prepare(self.hgt, "--config", mine), 2, ["mine.yaml:2", "cell_mm"], advice="cell_m'")
+
+    def test_ill_typed_configuration_value(self):
+        mine = self.work / "mine.yaml"
+        mine.write_text("# my settings\ncell_m: wide\n")
+        result = self.hedgehop(*self.prepare(self.hgt, "--config", mine))
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("mine.yaml:2: 'cell_m' must be a number", result.stderr)
+
+    def test_missing_configuration_file(self):
+        result = self.hedgehop(*self.prepare(self.hgt, "--config", self.work / "none.yaml"))
+        self.assertIn(result.returncode, (2, 5))
+        self.assertIn("none.yaml", result.stderr)
+
+    def test_output_folder_that_exists(self):
+        (self.work / "map").mkdir()
+        (self.work / "map" / "letter.txt").write_text("keep me\n")
+        self.assert_refused(self.prepare(self.hgt), 2, ["map"], advice="--out|--overwrite|another|remove")
+        # not even when told to: it is no map
+        self.assert_refused(self.prepare(self.hgt, "--overwrite"), 2, ["map"])
+
+    def test_output_folder_whose_parent_is_missing(self):
+        self.assert_refused(self.prepare(self.hgt, out="no/such/map"), 2, ["no/such"])
+
+
+class BadInputOfPlan(CliTest):
+    def test_map_that_is_missing(self):
+        self.assert_refused(["plan", "--map", self.work / "none", "--start", START, "--goal", GOAL,
+                             "--out", self.work / "plan"], 5, ["none"])
+
+    def test_map_with_a_damaged_layer(self):
+        damaged = self.work / "map"
+        shutil.copytree(self.map, damaged)
+        layer = damaged / "surface.tif"
+        content = bytearray(layer.read_bytes())
+        middle = len(content) // 2
+        content[middle] ^= 0xFF
+        layer.write_bytes(content)
+        self.assert_refused(["plan", "--map", damaged, "--start", START, "--goal", GOAL,
+                             "--out", self.work / "plan"], 5, [str(damaged)])
+
+    def test_map_with_a_layer_missing(self):
+        damaged = self.work / "map"
+        shutil.copytree(self.map, damaged)
+        (damaged / "visibility.tif").unlink()
+        self.assert_refused(["plan", "--map", damaged, "--start", START, "--goal", GOAL,
+                             "--out", self.work / "plan"], 5, ["visibility"])
+
+    def test_start_outside_the_map(self):
+        self.assert_refused(self.plan_arguments(start="48.0,11.45"), 2, ["start", "48.0", "outside the map"])
+
+    def test_goal_outside_the_map(self):
+        self.assert_refused(self.plan_arguments(goal="49.55,12.5"), 2, ["goal", "12.5", "outside the map"])
+
+    def test_start_inside_the_terrain(self):
+        self.assert_refused(self.plan_arguments(start=START + ",-25"), 2, ["start", "-25.0 m"], advice="raise")
+
+    def test_start_closer_to_the_ground_than_the_clearance(self):
+        self.assert_refused(self.plan_arguments(start=START + ",4"), 2, ["start", "4.0 m"], advice="raise")
+
+    def test_start_above_the_envelope(self):
+        self.assert_refused(self.plan_arguments(start=START + ",900"), 2, ["start", "900.0 m", "envelope"], advice="lower")
+
+    def test_goal_equal_to_start(self):
+        self.assert_refused(self.plan_arguments(goal=START), 2, ["goal"], advice="another")
+
+    def test_start_that_is_no_place(self):
+        for text in ("here", "49.5", "49.5,11.4,30,1", "99,11", "49.5;11.4", "nan,11.4"):
+            with self.subTest(start=text):
+                self.assert_refused(self.plan_arguments(start=text), 2, ["--start", text])
+
+    def test_unknown_configuration_key(self):
+        mine = self.work / "mine.yaml"
+        mine.write_text("global:\n  # search\n  bach_size: 500\n")
+        self.assert_refused(self.plan_arguments("--config", mine), 2, ["mine.yaml:3", "bach_size"], advice="batch_size")
+
+    def test_unknown_setting(self):
+        self.assert_refused(self.plan_arguments("--set", "global.bach_size=500"), 2, ["bach_size"], advice="batch_size")
+
+    def test_ill_typed_configuration_value(self):
+        mine = self.work / "mine.yaml"
+        mine.write_text("local:\n  window_m: [far]\n")
+        result = self.hedgehop(*self.plan_arguments("--config", mine))
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("mine.yaml:2: ", result.stderr)
+
+    def test_duplicate_configuration_key(self):
+        mine = self.work / "mine.yaml"
+        mine.write_text("speed_mps: 30\nspeed_mps: 40\n")
+        result = self.hedgehop(*self.plan_arguments("--config", mine))
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("mine.yaml:2: duplicate key 'speed_mps'", result.stderr)
+
+    def test_output_folder_that_exists(self):
+        (self.work / "plan").mkdir()
+        (self.work / "plan" / "letter.txt").write_text("keep me\n")
+        self.assert_refused(self.plan_arguments(), 2, ["plan"], advice="--out|--overwrite|another|remove")
+
+    def test_no_verb_and_unknown_option(self):
+        for arguments in ([], ["plan"], ["--nonsense"], ["plan", "--nonsense"], ["fly"]):
+            with self.subTest(arguments=arguments):
+                result = self.hedgehop(*arguments)
+                self.assertEqual(result.returncode, 2, result.stderr)
+                self.assertTrue(result.stderr.strip())
+                self.assertEqual(result.stdout, "")
+        self.assert_nothing_left()
+
+    def test_error_as_json(self):
+        result = self.hedgehop(*self.plan_arguments("--json", start="here"))
+        self.assertEqual(result.returncode, 2)
+        error = json.loads(result.stdout)["error"]
+        self.assertEqual(error["exit_code"], 2)
+        self.assertIn("here", error["what"])
+
+
+class BadInputOfOtherVerbs(CliTest):
+    def test_verify_refuses_what_is_no_plan(self):
+        self.assert_refused(["verify", self.work / "none", "--map", self.map], 5, ["none"])
+
+    def test_verify_refuses_a_plan_of_another_map(self):
+        other = self.work / "other"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", BBOX, "--cell-m", "90", "--out", other)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assert_refused(["verify", self.plan, "--map", other], 2, ["other"])
+
+    def test_verify_finds_a_trajectory_that_was_lowered_into_the_ground(self):
+        plan = self.work / "plan"
+        shutil.copytree(self.plan, plan)
+        table = plan / "trajectory.csv"
+        lines = table.read_text().splitlines()
+        header = next(i for i, line in enumerate(lines) if "altitude_m" in line)
+        column = lines[header].split(",").index("altitude_m")
+        for i in range(header + 1, len(lines)):
+            cells = lines[i].split(",")
+            cells[column] = str(float(cells[column]) - 60.0)
+            lines[i] = ",".join(cells)
+        table.write_text("\n".join(lines) + "\n")
+        result = self.hedgehop("verify", plan, "--map", self.map, "--json")
+        # not verified, or refused because the file no longer fits its plan: never "verified"
+        self.assertIn(result.returncode, (4, 5), result.stderr)
+
+
+class FullDisk(CliTest):
+    """A tiny file system, visible to the tested program alone."""
+
+    def run_on_tmpfs(self, size_kib, *arguments):
+        disk = self.work / "disk"
+        disk.mkdir(exist_ok=True)
+        script = ('mount -t tmpfs -o size="$1k" none "$2" || exit 99; list="$3"; disk="$2"; shift 3; '
+                  '"$@"; code=$?; find "$disk" -mindepth 1 > "$list"; exit "$code"')
+        left = self.work / "left.txt"
+        namespace = ["unshare", "--mount"] if os.geteuid() == 0 else ["unshare", "--user", "--map-root-user", "--mount"]
+        result = subprocess.run([*namespace, "sh", "-c", script, "sh", str(size_kib), disk, left, HEDGEHOP,
+                                 *map(str, arguments)], capture_output=True, text=True, timeout=100,
+                                env=self.environment())
+        if not left.exists():
+            self.skipTest("no small file system can be mounted here (needs root or user namespaces): "
+                          + result.stderr.strip().splitlines()[-1])
+        return result, left.read_text().split()
+
+    def check(self, whole, arguments):
+        """At several sizes of the disk, so that it fills up in different files."""
+        kib = sum(path.stat().st_size for path in whole.rglob("*") if path.is_file()) // 1024
+        for size in (4, kib // 4, kib // 2, kib * 8 // 10):
+            with self.subTest(kib=size):
+                result, left = self.run_on_tmpfs(max(size, 4), *arguments)
+                self.assertEqual(result.returncode, 1, result.stderr)
+                self.assertRegex(result.stderr, r"(?m)^error: .*(space|disk|full|write)")
+                self.assertRegex(result.stderr, r"(?m)^hint: ")
+                self.assertEqual(left, [])
+                self.assertEqual(listing(self.temporary), [])
+
+    def test_prepare_leaves_nothing(self):
+        self.check(self.map, ["prepare", "--dem", self.hgt, "--osm", self.osm, "--bbox", BBOX, "--cell-m", CELL_M,
+                              "--out", self.work / "disk" / "map"])
+
+    def test_plan_leaves_nothing(self):
+        self.check(self.plan, ["plan", "--map", self.map, "--start", START, "--goal", GOAL, "--work", WORK,
+                               "--out", self.work / "disk" / "plan"])
+
+
+class Interrupted(CliTest):
+    """Ctrl-C in each phase; phases are learnt from what an undisturbed run says on stderr."""
+
+    def stages(self, arguments, allowed=(0,)):
+        result = self.hedgehop(*arguments)
+        self.assertIn(result.returncode, allowed, result.stderr)
+        found = []
+        for line in result.stderr.splitlines():
+            match = re.fullmatch(r"(.+): \d+ %", line)
+            if match and match.group(1) not in found:
+                found.append(match.group(1))
+        self.assertGreaterEqual(len(found), 2, result.stderr)
+        return found
+
+    def interrupt(self, arguments, stage, number=signal.SIGINT):
+        """Exit code and stderr of a run that gets the signal as soon as it enters the stage."""
+        process = subprocess.Popen([HEDGEHOP, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                   text=True, env=self.environment(), cwd=self.work)
+        told, sent = [], False
+        for line in process.stderr:
+            told.append(line)
+            if not sent and (stage is None or line.startswith(stage + ": ")):
+                process.send_signal(number)
+                sent = True
+        process.wait(timeout=60)
+        process.stdout.close()
+        process.stderr.close()
+        self.assertTrue(sent, f"the stage '{stage}' did not show")
+        return process.returncode, "".join(told)
+
+    def check(self, arguments, whole, allowed=(0,)):
+        stages = self.stages([*arguments, "--out", self.work / "whole"], allowed)
+        shutil.rmtree(self.work / "whole")
+        for stage in stages:
+            for attempt in range(3):
+                with self.subTest(stage=stage, attempt=attempt):
+                    code, told = self.interrupt([*arguments, "--out", self.work / "out"], stage)
+                    if code in allowed and stage == stages[-1] and attempt < 2:
+                        shutil.rmtree(self.work / "out")  # it was faster than the signal
+                        continue
+                    self.assertEqual(code, 130, told)
+                    self.assertRegex(told, "(?m)^error: interrupted")
+                    self.assert_nothing_left()
+                break
+
+    def test_prepare_stops_in_each_phase_and_leaves_nothing(self):
+        self.check(["prepare", "--dem", self.hgt, "--osm", self.osm, "--bbox", "11.30,49.40,11.70,49.70",
+                    "--cell-m", "40"], self.map)
+
+    def test_plan_stops_in_each_phase_and_leaves_nothing(self):
+        self.check(["plan", "--map", self.map, "--start", START, "--goal", GOAL, "--work", "60000"], self.plan,
+                   allowed=(0, 4))
+
+    def test_sigterm_stops_as_ctrl_c_does(self):
+        stage = self.stages(self.prepare(self.hgt))[0]
+        shutil.rmtree(self.work / "map")
+        code, told = self.interrupt(["prepare", "--dem", self.hgt, "--bbox", "11.30,49.40,11.70,49.70", "--cell-m", "40",
+                                     "--out", self.work / "out"], stage, signal.SIGTERM)
+        self.assertEqual(code, 130, told)
+        self.assert_nothing_left()
+
+
+class Help(CliTest):
+    def verbs(self):
+        result = self.hedgehop("--help")
+        self.assertEqual(result.returncode, 0)
+        block = result.stdout.split("Subcommands:")[1]
+        found = re.findall(r"(?m)^  (\w+)  +\S", block.split("\n\n")[0])
+        self.assertGreaterEqual(len(found), 5, result.stdout)
+        return found
+
+    def test_teaches_the_whole(self):
+        text = self.hedgehop("--help").stdout
+        for word in ("helicopter", "terrain", "prepare", "plan", "Exit codes", "130"):
+            self.assertIn(word, text)
+
+    def test_of_each_verb_says_its_purpose_its_options_and_an_example(self):
+        for verb in self.verbs():
+            with self.subTest(verb=verb):
+                result = self.hedgehop(verb, "--help")
+                self.assertEqual(result.returncode, 0, result.stderr)
+                text = result.stdout
+                self.assertGreaterEqual(len(text.splitlines()[0].split()), 3, "purpose")
+                self.assertRegex(text, r"Examples?:\n")
+                self.assertIn(f"hedgehop {verb}", text.split("Example")[1])
+                self.check_options(text)
+
+    def check_options(self, text):
+        block = re.search(r"(?ms)^Options:\n(.*?)\n\n", text + "\n\n")
+        self.assertIsNotNone(block)
+        options = re.split(r"(?m)^  (?=-)", block.group(1))[1:]
+        self.assertGreaterEqual(len(options), 1)
+        for option in options:
+            # name, kind of value, then words for a person
+            words = re.sub(r"^(-[-\w,]+)( [A-Z:\[\]{},.\w-]+)*?(?= {2,}|\n)", "", option, count=1).strip()
+            self.assertGreaterEqual(len(words.split()), 2, option)
+
+    def test_version_is_on_stdout(self):
+        result = self.hedgehop("--version")
+        self.assertEqual(result.returncode, 0)
+        self.assertRegex(result.stdout, r"^hedgehop \d+\.\d+\.\d+")
+
+
+class Json(CliTest):
+    def one_object(self, *arguments, allowed=(0,)):
+        result = self.hedgehop(*arguments, "--json")
+        self.assertIn(result.returncode, allowed, result.stderr)
+        found = json.loads(result.stdout)
+        self.assertIsInstance(found, dict)
+        self.assertEqual(found["schema_version"], 1)
+        return found
+
+    def test_prepare(self):
+        found = self.one_object(*self.prepare(INPUTS / "N49E011.hgt.zip", "--osm", self.osm))
+        self.assertRegex(found["map_hash"], "^[0-9a-f]{32}$")
+        # 0.12 degrees of longitude at 49.54 N are 8.67 km, 0.08 of latitude 8.90 km, in cells of 60 m;
+        # the frame of a UTM zone is turned a little against north
+        self.assertTrue(140 <= found["columns"] <= 155, found["columns"])
+        self.assertTrue(144 <= found["rows"] <= 159, found["rows"])
+
+    def test_plan_verify_and_report(self):
+        plan = self.one_object(*self.plan_arguments(), allowed=(0, 4))
+        verified = self.one_object("verify", self.work / "plan", "--map", self.map, allowed=(0, 4))
+        self.assertEqual(plan["is_verified"], verified["is_verified"])
+        self.assertEqual(plan["length_m"], verified["length_m"])
+        # start and goal lie 8.82 km apart; a route is never shorter than that, less the goal's radius
+        self.assertGreater(plan["length_m"], 8700.0)
+        self.one_object("report", self.work / "plan", "--map", self.map)
+
+    def test_config(self):
+        shipped = self.one_object("config", "list")["shipped"]
+        self.assertIn("planning.yaml", shipped)
+        self.assertIn("speed_mps: 33", self.one_object("config", "show", "--set", "speed_mps=33")["config"])
+
+    def test_progress_and_remarks_stay_off_stdout(self):
+        result = self.hedgehop(*self.prepare(self.hgt))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertNotIn("%", result.stdout)
+        self.assertIn("%", result.stderr)
+        shutil.rmtree(self.work / "map")
+        self.assertEqual(self.hedgehop(*self.prepare(self.hgt, "--quiet")).stderr, "")
+
+
+class SameBytes(CliTest):
+    def compare(self, one, other):
+        names = sorted(path.name for path in one.iterdir())
+        self.assertEqual(names, sorted(path.name for path in other.iterdir()))
+        for name in names:
+            if name != "timings.json":
+                self.assertEqual((one / name).read_bytes(), (other / name).read_bytes(), name)
+
+    def test_zipped_and_plain_elevation_and_any_thread_count_give_the_same_map_layers(self):
+        for out, dem, threads in (("one", self.hgt, "1"), ("two", INPUTS / "N49E011.hgt.zip", "3")):
+            result = self.hedgehop(*self.prepare(dem, "--osm", self.osm, "--threads", threads, out=out))
+            self.assertEqual(result.returncode, 0, result.stderr)
+        for name in ("terrain.tif", "surface.tif", "semantics.tif", "visibility.tif", "features.gpkg"):
+            self.assertEqual((self.work / "one" / name).read_bytes(), (self.work / "two" / name).read_bytes(), name)
+
+    def test_land_use_in_each_packing_gives_the_same_map_layers(self):
+        packed = []
+        for suffix in ("osm", "osm.gz", "osm.bz2"):
+            path = self.work / ("land." + suffix)
+            inputs.write_osm(path, inputs.land_use())
+            packed.append((suffix.replace(".", "_"), path))
+        for out, osm in packed:
+            result = self.hedgehop(*self.prepare(self.hgt, "--osm", osm, out=out))
+            self.assertEqual(result.returncode, 0, result.stderr)
+        for out, _ in packed[1:]:
+            for name in ("surface.tif", "semantics.tif", "features.gpkg"):
+                self.assertEqual((self.work / out / name).read_bytes(), (self.work / "osm" / name).read_bytes(), name)
+
+    def test_plan_with_any_thread_count(self):
+        for out, threads in (("one", "1"), ("two", "3")):
+            result = self.hedgehop("plan", "--map", self.map, "--start", START, "--goal", GOAL, "--work", WORK,
+                                   "--threads", threads, "--out", self.work / out)
+            self.assertIn(result.returncode, (0, 4), result.stderr)
+        self.compare(self.work / "one", self.work / "two")
+
+
+def all_tests():
+    names = []
+    for suite in unittest.defaultTestLoader.loadTestsFromModule(sys.modules[__name__]):
+        names.extend(".".join(test.id().split(".")[-2:]) for test in suite)
+    return sorted(names)
+
+
+def main():
+    global HEDGEHOP, INPUTS
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hedgehop")
+    parser.add_argument("--inputs", type=pathlib.Path)
+    parser.add_argument("--list", action="store_true")
+    parser.add_argument("--make-inputs", action="store_true")
+    parser.add_argument("tests", nargs="*")
+    arguments = parser.parse_args()
+    if arguments.list:
+        print("\n".join(all_tests()))
+        return 0
+    if not arguments.hedgehop or not arguments.inputs:
+        parser.error("--hedgehop and --inputs are needed")
+    HEDGEHOP, INPUTS = os.path.abspath(arguments.hedgehop), arguments.inputs.absolute()
+    if arguments.make_inputs:
+        make_inputs(INPUTS)
+        return 0
+    suite = unittest.defaultTestLoader.loadTestsFromNames(arguments.tests or all_tests(), sys.modules[__name__])
+    result = unittest.TextTestRunner(verbosity=2).run(suite)
+    for test, why in result.skipped:
+        print(f"skipped: {why}")
+    if not result.wasSuccessful():
+        return 1
+    return 77 if result.skipped and len(result.skipped) == result.testsRun else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
