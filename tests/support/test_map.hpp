@@ -9,8 +9,8 @@ namespace hedgehop::test {
 
 using HeightAt = std::function<double(double x_m, double y_m)>;
 
-/// A map made of functions of x and y, for tests: corner at (0, 0), square cells, terrain = surface,
-/// nothing visible, no land use, no CRS. Change layers afterwards, then call finish_map().
+/// A map made of functions of x and y, for tests: corner at (0, 0), square cells, terrain =
+/// surface, nothing visible, no land use, no CRS. Change layers afterwards, then call finish_map().
 inline map::Map make_map(int columns, int rows, double cell_m, const HeightAt& elevation_m) {
   map::Map map;
   map.geometry = {0.0, 0.0, cell_m, columns, rows};
