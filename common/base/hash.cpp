@@ -101,6 +101,11 @@ std::string sha256_hex(ByteView bytes) {
 }
 
 std::string sha256_hex_of_file(const std::string& path) {
+  return sha256_hex_of_file(path, [] {});
+}
+
+std::string sha256_hex_of_file(const std::string& path,
+                               const std::function<void()>& between_blocks) {
   std::ifstream file(path, std::ios::binary);
   if (!file) {
     throw DataError(path + ": cannot be opened for reading");
@@ -110,6 +115,7 @@ std::string sha256_hex_of_file(const std::string& path) {
   while (file) {
     file.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
     sha.update(buffer.data(), static_cast<std::size_t>(file.gcount()));
+    between_blocks();
   }
   if (file.bad()) {
     throw DataError(path + ": reading failed");

@@ -3,6 +3,7 @@
 #include <compare>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -58,5 +59,9 @@ std::string sha256_hex(ByteView bytes);
 
 /// SHA-256 of a file's content. Throws DataError if it cannot be read.
 std::string sha256_hex_of_file(const std::string& path);
+
+/// The same for large files: `between_blocks` is called after each MiB, and may throw to stop.
+std::string sha256_hex_of_file(const std::string& path,
+                               const std::function<void()>& between_blocks);
 
 }  // namespace hedgehop

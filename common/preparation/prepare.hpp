@@ -10,6 +10,7 @@
 #include "base/observer.hpp"
 #include "geo/geodetic_box.hpp"
 #include "map/map.hpp"
+#include "preparation/visibility.hpp"
 
 namespace hedgehop::preparation {
 
@@ -19,6 +20,7 @@ struct DefaultHeights {
   double tree_m = 0.0;  // single trees and rows of trees
   double building_m = 0.0;
   double building_level_m = 0.0;  // one storey of `building:levels`
+  double structure_m = 0.0;       // masts, towers, chimneys, wind turbines
   double built_up_area_m = 0.0;
   double power_line_m = 0.0;        // pole of power=line
   double minor_power_line_m = 0.0;  // pole of power=minor_line
@@ -35,17 +37,12 @@ struct SettlementOptions {
   double settlement_desired_m = 0.0;
 };
 
-struct VisibilityOptions {
-  double radius_m = 0.0;
-  double reference_height_m = 0.0;  // h_ref
-  int azimuths = 0;                 // multiple of 4
-};
-
 /// What config/prepare.yaml holds.
 struct PrepareOptions {
   double cell_m = 0.0;
   std::string vertical_datum;
-  double tree_radius_m = 0.0;
+  std::string attribution_srtm;
+  std::string attribution_openstreetmap;
   DefaultHeights default_heights;
   SettlementOptions settlements;
   VisibilityOptions visibility;

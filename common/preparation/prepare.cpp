@@ -1,0 +1,422 @@
+#include "preparation/prepare.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+#include "base/hash.hpp"
+#include "map_sources/elevation_source.hpp"
+#include "map_sources/land_use_source.hpp"
+#include "preparation/surface_model.hpp"
+
+namespace hedgehop::preparation {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+double rounded_degrees(double angle_rad) {
+  return std::round(degrees_from_radians(angle_rad) * 1e7) / 1e7;
+}
+
+Json json_of(const geo::GeodeticBox& box) {
+  return {{"west", rounded_degrees(box.west_rad)},
+          {"south", rounded_degrees(box.south_rad)},
+          {"east", rounded_degrees(box.east_rad)},
+          {"north", rounded_degrees(box.north_rad)}};
+}
+
+std::string text_of(const geo::GeodeticBox& box) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(4) << degrees_from_radians(box.west_rad) << ","
+       << degrees_from_radians(box.south_rad) << "," << degrees_from_radians(box.east_rad) << ","
+       << degrees_from_radians(box.north_rad) << " (W,S,E,N)";
+  return text.str();
+}
+
+std::string percent(double share) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(share < 0.01 ? 2 : 0) << 100.0 * share << " %";
+  return text.str();
+}
+
+bool overlap(const geo::GeodeticBox& a, const geo::GeodeticBox& b) {
+  return a.west_rad < b.east_rad && b.west_rad < a.east_rad && a.south_rad < b.north_rad &&
+         b.south_rad < a.north_rad;
+}
+
+geo::GeodeticBox intersection(const geo::GeodeticBox& a, const geo::GeodeticBox& b) {
+  return {std::max(a.west_rad, b.west_rad), std::max(a.south_rad, b.south_rad),
+          std::min(a.east_rad, b.east_rad), std::min(a.north_rad, b.north_rad)};
+}
+
+void check_request(const PrepareRequest& request, double cell_m) {
+  if (request.dem_files.empty()) {
+    throw UsageError("no elevation file is given", "add at least one with --dem");
+  }
+  if (!(cell_m >= 1.0) || !(cell_m <= 1000.0)) {
+    throw UsageError("a cell size of " + std::to_string(cell_m) + " m is not possible",
+                     "choose 1 to 1000 m; 30 m is usual");
+  }
+  if (request.extent) {
+    const geo::GeodeticBox& e = *request.extent;
+    const double half_turn = 0.5 * kTwoPi;
+    if (!(e.west_rad < e.east_rad) || !(e.south_rad < e.north_rad) || !(e.west_rad >= -half_turn) ||
+        !(e.east_rad <= half_turn) || !(e.south_rad >= -0.5 * half_turn) ||
+        !(e.north_rad <= 0.5 * half_turn)) {
+      throw UsageError("the bounding box " + text_of(e) + " is empty or not on the globe",
+                       "give it as west,south,east,north in degrees, west below east; it cannot "
+                       "cross the antimeridian");
+    }
+  }
+  if (request.threads < 0) {
+    throw UsageError("a negative number of threads is not possible");
+  }
+}
+
+// The smallest grid, its corner on a multiple of the cell size, that holds the box.
+raster::GridGeometry grid_around(const geo::GeodeticBox& box, const geo::MapProjection& projection,
+                                 double cell_m, std::int64_t cells_max) {
+  constexpr int kSteps = 64;
+  double west_m = 1e18, south_m = 1e18, east_m = -1e18, north_m = -1e18;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double t = static_cast<double>(i) / kSteps;
+    const double longitude_rad = box.west_rad + t * (box.east_rad - box.west_rad);
+    const double latitude_rad = box.south_rad + t * (box.north_rad - box.south_rad);
+    for (const geo::GeodeticPosition& position :
+         {geo::GeodeticPosition{box.south_rad, longitude_rad},
+          geo::GeodeticPosition{box.north_rad, longitude_rad},
+          geo::GeodeticPosition{latitude_rad, box.west_rad},
+          geo::GeodeticPosition{latitude_rad, box.east_rad}}) {
+      const geo::MapPoint point = projection.to_map(position);
+      west_m = std::min(west_m, point.x_m);
+      east_m = std::max(east_m, point.x_m);
+      south_m = std::min(south_m, point.y_m);
+      north_m = std::max(north_m, point.y_m);
+    }
+  }
+  const double first_column = std::floor(west_m / cell_m);
+  const double first_row = std::floor(south_m / cell_m);
+  const double columns = std::ceil(east_m / cell_m) - first_column;
+  const double rows = std::ceil(north_m / cell_m) - first_row;
+  if (columns * rows > static_cast<double>(cells_max)) {
+    std::ostringstream what;
+    what << "the region " << text_of(box) << " has " << std::fixed << std::setprecision(0)
+         << columns * rows << " cells of " << cell_m << " m, more than the " << cells_max
+         << " allowed";
+    throw UsageError(what.str(), "choose a smaller bounding box or larger cells (--cell-m)");
+  }
+  return {first_column * cell_m, first_row * cell_m, cell_m, static_cast<int>(columns),
+          static_cast<int>(rows)};
+}
+
+// `core` and a margin on each side, as far as it has cells in `limit`.
+raster::GridGeometry with_margin(const raster::GridGeometry& core, int margin,
+                                 const raster::GridGeometry& limit) {
+  const auto cells = [&](double distance_m) {
+    return std::clamp(static_cast<int>(std::lround(distance_m / core.cell_m)), 0, margin);
+  };
+  const int west = cells(core.west_m - limit.west_m);
+  const int south = cells(core.south_m - limit.south_m);
+  const int east = cells(limit.east_m() - core.east_m());
+  const int north = cells(limit.north_m() - core.north_m());
+  return {core.west_m - west * core.cell_m, core.south_m - south * core.cell_m, core.cell_m,
+          core.columns + west + east, core.rows + south + north};
+}
+
+template <typename T>
+raster::Grid<T> cut_out(const raster::Grid<T>& grid, const raster::GridGeometry& core,
+                        raster::CellIndex corner) {
+  raster::Grid<T> result(core, T{});
+  for (int row = 0; row < core.rows; ++row) {
+    std::copy_n(grid.row(corner.row + row) + corner.column, core.columns, result.row(row));
+  }
+  return result;
+}
+
+geo::GeodeticBox box_of(const raster::GridGeometry& g, const geo::MapProjection& projection) {
+  geo::GeodeticBox box{1e9, 1e9, -1e9, -1e9};
+  constexpr int kSteps = 32;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double x_m = g.west_m + (g.east_m() - g.west_m) * i / kSteps;
+    const double y_m = g.south_m + (g.north_m() - g.south_m) * i / kSteps;
+    for (const geo::MapPoint& point :
+         {geo::MapPoint{x_m, g.south_m}, geo::MapPoint{x_m, g.north_m()},
+          geo::MapPoint{g.west_m, y_m}, geo::MapPoint{g.east_m(), y_m}}) {
+      const geo::GeodeticPosition position = projection.to_geodetic(point);
+      box.west_rad = std::min(box.west_rad, position.longitude_rad);
+      box.east_rad = std::max(box.east_rad, position.longitude_rad);
+      box.south_rad = std::min(box.south_rad, position.latitude_rad);
+      box.north_rad = std::max(box.north_rad, position.latitude_rad);
+    }
+  }
+  return box;
+}
+
+bool touches(const map::PowerLine& line, const raster::GridGeometry& g) {
+  double west_m = 1e18, south_m = 1e18, east_m = -1e18, north_m = -1e18;
+  for (const map::PowerLine::Pole& pole : line.poles) {
+    west_m = std::min(west_m, pole.point.x_m);
+    east_m = std::max(east_m, pole.point.x_m);
+    south_m = std::min(south_m, pole.point.y_m);
+    north_m = std::max(north_m, pole.point.y_m);
+  }
+  return west_m <= g.east_m() && east_m >= g.west_m && south_m <= g.north_m() &&
+         north_m >= g.south_m;
+}
+
+Json input_of(const fs::path& path, const char* kind, Observer& observer) {
+  return {{"name", path.filename().string()},
+          {"kind", kind},
+          {"bytes", fs::file_size(path)},
+          {"sha256", sha256_hex_of_file(path.string(), [&] { observer.check_stop(); })}};
+}
+
+Json json_of(const HeightCounts& counts) {
+  return {
+      {"tagged", counts.tagged}, {"from_levels", counts.from_levels}, {"guessed", counts.guessed}};
+}
+
+Json json_of(const PrepareOptions& o, double cell_m) {
+  return {{"cell_m", cell_m},
+          {"default_heights",
+           {{"forest_m", o.default_heights.forest_m},
+            {"tree_m", o.default_heights.tree_m},
+            {"building_m", o.default_heights.building_m},
+            {"building_level_m", o.default_heights.building_level_m},
+            {"structure_m", o.default_heights.structure_m},
+            {"built_up_area_m", o.default_heights.built_up_area_m},
+            {"power_line_m", o.default_heights.power_line_m},
+            {"minor_power_line_m", o.default_heights.minor_power_line_m}}},
+          {"settlements",
+           {{"grow_m", o.settlements.grow_m},
+            {"shrink_m", o.settlements.shrink_m},
+            {"village_area_max_m2", o.settlements.village_area_max_m2},
+            {"village_adequate_m", o.settlements.village_adequate_m},
+            {"village_desired_m", o.settlements.village_desired_m},
+            {"settlement_adequate_m", o.settlements.settlement_adequate_m},
+            {"settlement_desired_m", o.settlements.settlement_desired_m}}},
+          {"visibility",
+           {{"radius_m", o.visibility.radius_m},
+            {"reference_height_m", o.visibility.reference_height_m},
+            {"azimuths", o.visibility.azimuths}}}};
+}
+
+void add_once(std::vector<std::string>& lines, const std::string& line) {
+  if (!line.empty() && std::find(lines.begin(), lines.end(), line) == lines.end()) {
+    lines.push_back(line);
+  }
+}
+
+void check_text(const std::string& text, const char* what) {
+  if (Json(text).dump(-1, ' ', false, Json::error_handler_t::replace) !=
+      Json(text).dump(-1, ' ', false, Json::error_handler_t::ignore)) {
+    throw UsageError(std::string(what) + " is not valid UTF-8 text");
+  }
+}
+
+}  // namespace
+
+PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options,
+                    Observer& observer) {
+  const double cell_m = request.cell_m.value_or(options.cell_m);
+  check_request(request, cell_m);
+  check_text(request.label, "the label");
+  for (const std::string& line : request.attributions) {
+    check_text(line, "an attribution line");
+  }
+
+  const map_sources::ElevationSource elevation(request.dem_files);
+  const geo::GeodeticBox elevation_box = elevation.extent();
+  const geo::GeodeticBox extent = request.extent.value_or(elevation_box);
+  if (std::none_of(elevation.files().begin(), elevation.files().end(),
+                   [&](const auto& file) { return overlap(file.extent, extent); })) {
+    throw DataError("the bounding box " + text_of(extent) +
+                        " lies outside the elevation files, which cover " + text_of(elevation_box),
+                    "move the bounding box, or add the elevation files that cover it with --dem");
+  }
+  const geo::MapProjection projection(request.crs.empty() ? geo::utm_code(extent.centre())
+                                                          : request.crs);
+
+  PreparedMap result;
+  map::Map& map = result.map;
+  map.geometry = grid_around(extent, projection, cell_m, options.cells_max);
+  map.crs_wkt = projection.wkt();
+  map.vertical_datum = options.vertical_datum;
+  map.reference_height_m = options.visibility.reference_height_m;
+  map.visibility_radius_m = options.visibility.radius_m;
+  map.label = request.label;
+
+  // Visibility at the border needs what lies beyond it. The files' own extent bounds the margin; it
+  // is cut to the neighbourhood first, since a large file may reach where the projection does not.
+  const int margin = static_cast<int>(std::ceil(options.visibility.radius_m / cell_m)) + 2;
+  raster::GridGeometry wide = map.geometry;
+  wide = {wide.west_m - margin * cell_m, wide.south_m - margin * cell_m, cell_m,
+          wide.columns + 2 * margin, wide.rows + 2 * margin};
+  const geo::GeodeticBox near = intersection(box_of(wide, projection), elevation_box);
+  const raster::GridGeometry working =
+      with_margin(map.geometry, margin, grid_around(near, projection, cell_m, 1'000'000'000));
+  if (working.cell_count() > static_cast<std::size_t>(options.cells_max)) {
+    throw UsageError("the region with its margin for visibility has " +
+                         std::to_string(working.cell_count()) + " cells, more than the " +
+                         std::to_string(options.cells_max) + " allowed",
+                     "choose a smaller bounding box or larger cells (--cell-m)");
+  }
+  const raster::CellIndex corner{
+      static_cast<int>(std::lround((map.geometry.west_m - working.west_m) / cell_m)),
+      static_cast<int>(std::lround((map.geometry.south_m - working.south_m) / cell_m))};
+
+  Json inputs = Json::array();
+  for (std::size_t i = 0; i < request.dem_files.size(); ++i) {
+    const map_sources::ElevationFile& file = elevation.files()[i];
+    Json input = input_of(request.dem_files[i], "elevation", observer);
+    input["format"] = file.format;
+    input["crs"] = file.crs;
+    input["vertical_datum_stated"] = file.vertical;
+    input["used_as"] = "terrain";
+    input["sample_spacing_m"] = file.sample_spacing_m;
+    input["extent_deg"] = json_of(file.extent);
+    inputs.push_back(std::move(input));
+    if (!file.vertical.empty() && file.vertical.find(options.vertical_datum) == std::string::npos) {
+      observer.note(file.name + ": its heights refer to '" + file.vertical +
+                    "'; they are used as " + options.vertical_datum + " without conversion");
+    }
+    if (file.format == "SRTMHGT") {
+      add_once(map.attributions, options.attribution_srtm);
+    }
+    check_text(file.copyright, "the copyright line of an elevation file");
+    add_once(map.attributions, file.copyright);
+  }
+
+  map_sources::ElevationLayers layers =
+      elevation.on_grid(working, map.crs_wkt, request.threads, observer);
+  map.terrain_m = cut_out(layers.terrain_m, map.geometry, corner);
+  const auto void_count = static_cast<std::size_t>(
+      std::count_if(map.terrain_m.values().begin(), map.terrain_m.values().end(),
+                    [](float value) { return std::isnan(value); }));
+  if (void_count == map.geometry.cell_count()) {
+    throw DataError("the elevation files know no height anywhere in " + text_of(extent) +
+                        ": every sample there is void",
+                    "check them with gdalinfo -stats, or add another source with --dem");
+  }
+  if (void_count > 0) {
+    observer.note(
+        percent(static_cast<double>(void_count) / static_cast<double>(map.geometry.cell_count())) +
+        " of the map has no elevation and cannot be flown over");
+  }
+
+  map_sources::LandUse land_use;
+  const geo::GeodeticBox working_box = box_of(working, projection);
+  if (!request.osm_files.empty()) {
+    // Settlements beyond the border have rings that reach in.
+    const double reach_rad = 2.0 * options.settlements.settlement_desired_m / 6.3e6 /
+                             std::max(0.1, std::cos(working_box.centre().latitude_rad));
+    const geo::GeodeticBox region{
+        working_box.west_rad - reach_rad, working_box.south_rad - reach_rad,
+        working_box.east_rad + reach_rad, working_box.north_rad + reach_rad};
+    land_use = map_sources::read_land_use(request.osm_files, projection, region, observer);
+    for (const fs::path& path : request.osm_files) {
+      inputs.push_back(input_of(path, "land use", observer));
+    }
+    if (land_use.is_openstreetmap) {
+      add_once(map.attributions, options.attribution_openstreetmap);
+    }
+    std::vector<geo::GeodeticBox> mapped;
+    for (const geo::GeodeticBox& box : land_use.mapped) {
+      if (overlap(box, region)) {
+        mapped.push_back(intersection(box, region));
+      }
+    }
+    land_use.mapped = std::move(mapped);
+    if (land_use.mapped.empty()) {
+      observer.note("no land-use file covers any part of the region; every cell is unmapped");
+    }
+    if (land_use.incomplete_relation_count > 0) {
+      std::string ids;
+      for (const std::int64_t id : land_use.incomplete_relation_ids) {
+        ids += (ids.empty() ? "" : ", ") + std::to_string(id);
+      }
+      observer.note(std::to_string(land_use.incomplete_relation_count) +
+                    " multipolygon relations have members outside the land-use files and are left "
+                    "out: " +
+                    ids +
+                    (land_use.incomplete_relation_count >
+                             static_cast<std::int64_t>(land_use.incomplete_relation_ids.size())
+                         ? ", ..."
+                         : ""));
+    }
+  }
+  for (const std::string& line : request.attributions) {
+    add_once(map.attributions, line);
+  }
+
+  SurfaceModel model =
+      surface_model(layers.upper_terrain_m, land_use, projection, options, observer);
+  map.surface_m = cut_out(model.surface_m, map.geometry, corner);
+  map.semantics = cut_out(model.semantics, map.geometry, corner);
+  for (map::PowerLine& line : model.power_lines) {
+    if (touches(line, map.geometry)) {
+      map.power_lines.push_back(std::move(line));
+    }
+  }
+  map.visibility =
+      visibility_of_block(model.surface_m, corner, map.geometry.columns, map.geometry.rows,
+                          options.visibility, request.threads, observer);
+  map.hash = map::map_hash(map);
+  map::validate(map);
+
+  HeightCounts all = model.support_heights;
+  Json heights = Json::object();
+  static constexpr const char* kNames[] = {"forest",    "tree",          "building",
+                                           "structure", "built_up_area", "water"};
+  static_assert(std::size(kNames) == map_sources::kObjectClassCount);
+  for (std::size_t i = 0; i + 1 < model.heights.size(); ++i) {
+    heights[kNames[i]] = json_of(model.heights[i]);
+    all.tagged += model.heights[i].tagged;
+    all.from_levels += model.heights[i].from_levels;
+    all.guessed += model.heights[i].guessed;
+  }
+  heights["power_line_support"] = json_of(model.support_heights);
+  const std::int64_t objects = all.tagged + all.from_levels + all.guessed;
+  const double guessed_share =
+      objects == 0 ? 0.0 : static_cast<double>(all.guessed) / static_cast<double>(objects);
+  if (all.guessed > 0) {
+    observer.note(percent(guessed_share) + " of " + std::to_string(objects) +
+                  " objects have no height of their own and get the default of their class");
+  }
+  Json mapped = Json::array();
+  for (const geo::GeodeticBox& box : land_use.mapped) {
+    mapped.push_back(json_of(box));
+  }
+
+  Json provenance;
+  provenance["tool"] = "hedgehop";
+  provenance["tool_version"] = HEDGEHOP_VERSION;
+  provenance["inputs"] = std::move(inputs);
+  provenance["settings"] = json_of(options, cell_m);
+  provenance["settings"]["requested_extent_deg"] =
+      request.extent ? json_of(*request.extent) : Json(nullptr);
+  provenance["settings"]["requested_crs"] = request.crs;
+  provenance["terrain_resampling"] =
+      "bilinear at the cell's centre, exact transformer; surface starts from the terrain raised so "
+      "that no source sample lies above its cell or above the bilinear surface";
+  provenance["mapped_extent_deg"] = std::move(mapped);
+  provenance["guessed_height_share"] = std::round(guessed_share * 1e6) / 1e6;
+  provenance["object_heights"] = std::move(heights);
+  provenance["land_use_statistics"] = {
+      {"villages", model.village_count},
+      {"settlements", model.settlement_count},
+      {"incomplete_relations", land_use.incomplete_relation_count},
+      {"incomplete_relation_ids", land_use.incomplete_relation_ids},
+      {"incomplete_ways", land_use.incomplete_way_count},
+      {"invalid_areas", land_use.invalid_area_count},
+      {"unreadable_heights", land_use.unreadable_height_count}};
+  result.provenance_json = provenance.dump(2, ' ', false, Json::error_handler_t::replace);
+  return result;
+}
+
+}  // namespace hedgehop::preparation

@@ -1,0 +1,59 @@
+#include "preparation/prepare.hpp"
+
+namespace hedgehop::preparation {
+
+PrepareOptions PrepareOptions::read(ConfigReader& reader) {
+  PrepareOptions options;
+  const auto within = [](ConfigReader& section, const char* key, double low, double high) {
+    const double value = section.required_double(key);
+    section.require(value >= low && value <= high, key,
+                    "must lie in " + std::to_string(low) + " to " + std::to_string(high));
+    return value;
+  };
+  options.cell_m = within(reader, "cell_m", 1.0, 1000.0);
+  options.cells_max = reader.required_integer("cells_max");
+  reader.require(options.cells_max >= 1 && options.cells_max <= 400'000'000, "cells_max",
+                 "must lie in 1 to 400000000");
+  options.vertical_datum = reader.required_string("vertical_datum");
+
+  ConfigReader attributions = reader.required_section("attributions");
+  options.attribution_srtm = attributions.required_string("srtm");
+  options.attribution_openstreetmap = attributions.required_string("openstreetmap");
+  attributions.finish();
+
+  ConfigReader heights = reader.required_section("default_heights");
+  const auto height_m = [&](const char* key) { return within(heights, key, 0.0, 1000.0); };
+  options.default_heights.forest_m = height_m("forest_m");
+  options.default_heights.tree_m = height_m("tree_m");
+  options.default_heights.building_m = height_m("building_m");
+  options.default_heights.building_level_m = height_m("building_level_m");
+  options.default_heights.structure_m = height_m("structure_m");
+  options.default_heights.built_up_area_m = height_m("built_up_area_m");
+  options.default_heights.power_line_m = height_m("power_line_m");
+  options.default_heights.minor_power_line_m = height_m("minor_power_line_m");
+  heights.finish();
+
+  ConfigReader settlements = reader.required_section("settlements");
+  const auto distance_m = [&](const char* key) { return within(settlements, key, 0.0, 10000.0); };
+  options.settlements.grow_m = distance_m("grow_m");
+  options.settlements.shrink_m = distance_m("shrink_m");
+  options.settlements.village_area_max_m2 = within(settlements, "village_area_max_m2", 0.0, 1e9);
+  options.settlements.village_adequate_m = distance_m("village_adequate_m");
+  options.settlements.village_desired_m = distance_m("village_desired_m");
+  options.settlements.settlement_adequate_m = distance_m("settlement_adequate_m");
+  options.settlements.settlement_desired_m = distance_m("settlement_desired_m");
+  settlements.finish();
+
+  ConfigReader visibility = reader.required_section("visibility");
+  options.visibility.radius_m = within(visibility, "radius_m", 60.0, 20000.0);
+  options.visibility.reference_height_m = within(visibility, "reference_height_m", 0.0, 1000.0);
+  const std::int64_t azimuths = visibility.required_integer("azimuths");
+  visibility.require(azimuths >= 8 && azimuths <= 1000 && azimuths % 4 == 0, "azimuths",
+                     "must be a multiple of 4 in 8 to 1000");
+  options.visibility.azimuths = static_cast<int>(azimuths);
+  visibility.finish();
+  reader.finish();
+  return options;
+}
+
+}  // namespace hedgehop::preparation

@@ -1,0 +1,283 @@
+#include "preparation/surface_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "preparation/burning.hpp"
+#include "preparation/settlements.hpp"
+
+namespace hedgehop::preparation {
+namespace {
+
+using map::SemanticClass;
+using map_sources::ObjectClass;
+
+constexpr char kStage[] = "surface";
+
+float rounded_up(double value_m) { return static_cast<float>(std::ceil(value_m * 64.0) / 64.0); }
+
+std::uint16_t bit_of(SemanticClass value) { return static_cast<std::uint16_t>(value); }
+
+double default_height_m(ObjectClass object_class, const DefaultHeights& heights) {
+  switch (object_class) {
+    case ObjectClass::kForest:
+      return heights.forest_m;
+    case ObjectClass::kTree:
+      return heights.tree_m;
+    case ObjectClass::kBuilding:
+      return heights.building_m;
+    case ObjectClass::kStructure:
+      return heights.structure_m;
+    case ObjectClass::kBuiltUpArea:
+      return heights.built_up_area_m;
+    case ObjectClass::kWater:
+      return 0.0;
+  }
+  return 0.0;
+}
+
+SemanticClass class_bit(ObjectClass object_class) {
+  switch (object_class) {
+    case ObjectClass::kForest:
+      return SemanticClass::kForest;
+    case ObjectClass::kTree:
+      return SemanticClass::kTree;
+    case ObjectClass::kBuilding:
+    case ObjectClass::kStructure:
+      return SemanticClass::kBuilding;
+    case ObjectClass::kBuiltUpArea:
+      return SemanticClass::kBuiltUpArea;
+    case ObjectClass::kWater:
+      return SemanticClass::kWater;
+  }
+  return SemanticClass::kBuilding;
+}
+
+// Calls visit(cell, t_in, t_out) for every cell inside the grid that the segment a-b touches; t
+// runs from 0 at a to 1 at b.
+template <typename Visit>
+void walk_segment(const raster::GridGeometry& g, const geo::MapPoint& a, const geo::MapPoint& b,
+                  const Visit& visit) {
+  const double dx_m = b.x_m - a.x_m;
+  const double dy_m = b.y_m - a.y_m;
+  // Clipped to the raster, so that a line from far away costs nothing.
+  double t_begin = 0.0;
+  double t_end = 1.0;
+  const auto clip = [&](double start, double delta, double low, double high) {
+    if (delta == 0.0) {
+      return start >= low && start < high;
+    }
+    double t0 = (low - start) / delta;
+    double t1 = (high - start) / delta;
+    if (t0 > t1) {
+      std::swap(t0, t1);
+    }
+    t_begin = std::max(t_begin, t0);
+    t_end = std::min(t_end, t1);
+    return t_begin <= t_end;
+  };
+  if (!clip(a.x_m, dx_m, g.west_m, g.east_m()) || !clip(a.y_m, dy_m, g.south_m, g.north_m())) {
+    return;
+  }
+  std::vector<double> crossings = {t_begin, t_end};
+  const auto add_crossings = [&](double start, double delta, double origin) {
+    if (delta == 0.0) {
+      return;
+    }
+    const double u0 = (start + t_begin * delta - origin) / g.cell_m;
+    const double u1 = (start + t_end * delta - origin) / g.cell_m;
+    const auto low = static_cast<std::int64_t>(std::ceil(std::min(u0, u1)));
+    const auto high = static_cast<std::int64_t>(std::floor(std::max(u0, u1)));
+    for (std::int64_t line = low; line <= high; ++line) {
+      const double t = (origin + static_cast<double>(line) * g.cell_m - start) / delta;
+      if (t > t_begin && t < t_end) {
+        crossings.push_back(t);
+      }
+    }
+  };
+  add_crossings(a.x_m, dx_m, g.west_m);
+  add_crossings(a.y_m, dy_m, g.south_m);
+  std::sort(crossings.begin(), crossings.end());
+  for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
+    const double t = 0.5 * (crossings[i] + crossings[i + 1]);
+    const raster::CellIndex cell = g.cell_at({a.x_m + t * dx_m, a.y_m + t * dy_m});
+    if (g.contains(cell)) {
+      visit(cell, crossings[i], crossings[i + 1]);
+    }
+  }
+}
+
+void raise_along_line(const map::PowerLine& line, const raster::Grid<float>& upper_terrain_m,
+                      SurfaceModel& model) {
+  const raster::GridGeometry& g = upper_terrain_m.geometry();
+  const auto top_m = [&](const map::PowerLine::Pole& pole) {
+    const raster::CellIndex cell = g.cell_at(pole.point);
+    return g.contains(cell) ? static_cast<double>(upper_terrain_m.at(cell)) + pole.height_m
+                            : std::numeric_limits<double>::quiet_NaN();
+  };
+  for (std::size_t i = 0; i + 1 < line.poles.size(); ++i) {
+    const map::PowerLine::Pole& a = line.poles[i];
+    const map::PowerLine::Pole& b = line.poles[i + 1];
+    double top_a_m = top_m(a);
+    double top_b_m = top_m(b);
+    if (std::isnan(top_a_m)) {
+      top_a_m = top_b_m;
+    } else if (std::isnan(top_b_m)) {
+      top_b_m = top_a_m;
+    }
+    walk_segment(g, a.point, b.point, [&](raster::CellIndex cell, double t_in, double t_out) {
+      const auto greatest = [&](double at_a, double at_b) {
+        return std::max(at_a + t_in * (at_b - at_a), at_a + t_out * (at_b - at_a));
+      };
+      model.semantics.at(cell) =
+          static_cast<std::uint16_t>(model.semantics.at(cell) | bit_of(SemanticClass::kPowerLine));
+      float& surface_m = model.surface_m.at(cell);
+      if (std::isnan(surface_m)) {
+        return;
+      }
+      const double above_ground_m =
+          static_cast<double>(upper_terrain_m.at(cell)) + greatest(a.height_m, b.height_m);
+      surface_m = std::max(surface_m, rounded_up(above_ground_m));
+      if (!std::isnan(top_a_m)) {
+        surface_m = std::max(surface_m, rounded_up(greatest(top_a_m, top_b_m)));
+      }
+    });
+  }
+}
+
+// Outline of a box in degrees; its sides are curved on the map.
+map_sources::MapPolygon outline_on_map(const geo::GeodeticBox& box,
+                                       const geo::MapProjection& projection) {
+  constexpr int kSteps = 64;
+  map_sources::MapPolygon polygon;
+  const std::array<geo::GeodeticPosition, 5> corners = {
+      geo::GeodeticPosition{box.south_rad, box.west_rad},
+      geo::GeodeticPosition{box.south_rad, box.east_rad},
+      geo::GeodeticPosition{box.north_rad, box.east_rad},
+      geo::GeodeticPosition{box.north_rad, box.west_rad},
+      geo::GeodeticPosition{box.south_rad, box.west_rad}};
+  for (std::size_t side = 0; side < 4; ++side) {
+    for (int i = 0; i < kSteps; ++i) {
+      const double t = static_cast<double>(i) / kSteps;
+      const geo::GeodeticPosition& a = corners[side];
+      const geo::GeodeticPosition& b = corners[side + 1];
+      polygon.outer.push_back(
+          projection.to_map({a.latitude_rad + t * (b.latitude_rad - a.latitude_rad),
+                             a.longitude_rad + t * (b.longitude_rad - a.longitude_rad)}));
+    }
+  }
+  polygon.outer.push_back(polygon.outer.front());
+  return polygon;
+}
+
+}  // namespace
+
+SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
+                           const map_sources::LandUse& land_use,
+                           const geo::MapProjection& projection, const PrepareOptions& options,
+                           Observer& observer) {
+  const raster::GridGeometry& g = upper_terrain_m.geometry();
+  SurfaceModel model;
+  model.semantics = raster::Grid<std::uint16_t>(g, 0);
+
+  std::array<std::vector<const OGRGeometry*>, map_sources::kObjectClassCount> by_class;
+  std::vector<GeometryPointer> geometries;
+  std::vector<BurnItem> obstacles;
+  std::vector<const OGRGeometry*> built_up;
+  const auto add = [&](ObjectClass object_class, GeometryPointer geometry,
+                       std::optional<double> tagged_m, std::optional<double> levels) {
+    double height_m = default_height_m(object_class, options.default_heights);
+    HeightCounts& counts = model.heights[static_cast<std::size_t>(object_class)];
+    if (object_class != ObjectClass::kWater) {
+      if (tagged_m) {
+        height_m = *tagged_m;
+        ++counts.tagged;
+      } else if (levels && object_class == ObjectClass::kBuilding) {
+        height_m = *levels * options.default_heights.building_level_m;
+        ++counts.from_levels;
+      } else {
+        ++counts.guessed;
+      }
+      obstacles.push_back({geometry.get(), height_m});
+    }
+    by_class[static_cast<std::size_t>(object_class)].push_back(geometry.get());
+    if (object_class == ObjectClass::kBuilding || object_class == ObjectClass::kBuiltUpArea) {
+      built_up.push_back(geometry.get());
+    }
+    geometries.push_back(std::move(geometry));
+  };
+  for (const map_sources::AreaObject& area : land_use.areas) {
+    add(area.object_class, geometry_of(area.polygons), area.height_m, area.levels);
+  }
+  for (const map_sources::LineObject& line : land_use.lines) {
+    add(line.object_class, geometry_of(line.vertices), line.height_m, std::nullopt);
+  }
+
+  observer.progress(kStage, 0.0, 1.0);
+  raster::Grid<float> offset_m(g, 0.0F);
+  burn_greatest(offset_m, obstacles, Touch::kAny, observer);
+  model.surface_m = upper_terrain_m;
+  for (std::size_t i = 0; i < g.cell_count(); ++i) {
+    float& surface_m = model.surface_m.values()[i];
+    surface_m =
+        rounded_up(static_cast<double>(surface_m) + static_cast<double>(offset_m.values()[i]));
+  }
+  for (std::size_t i = 0; i < by_class.size(); ++i) {
+    burn_bit(model.semantics, by_class[i], bit_of(class_bit(static_cast<ObjectClass>(i))),
+             Touch::kAny, observer);
+  }
+  for (const map_sources::PowerLineObject& source : land_use.power_lines) {
+    observer.check_stop();
+    map::PowerLine line{source.source_id, {}};
+    for (const map_sources::PowerLineObject::Support& support : source.supports) {
+      ++(support.height_m ? model.support_heights.tagged : model.support_heights.guessed);
+      line.poles.push_back(
+          {support.point,
+           support.height_m.value_or(source.is_minor ? options.default_heights.minor_power_line_m
+                                                     : options.default_heights.power_line_m)});
+    }
+    raise_along_line(line, upper_terrain_m, model);
+    model.power_lines.push_back(std::move(line));
+  }
+  observer.progress(kStage, 1.0, 1.0);
+
+  const Settlements settlements = settlements_of(built_up, options.settlements, observer);
+  model.village_count = static_cast<std::int64_t>(settlements.villages.size());
+  model.settlement_count = static_cast<std::int64_t>(settlements.settlements.size());
+  const auto burn_ring = [&](const std::vector<GeometryPointer>& pieces, double distance_m,
+                             SemanticClass value) {
+    const std::vector<GeometryPointer> rings =
+        distance_m > 0.0 ? grown(pieces, distance_m, observer) : std::vector<GeometryPointer>();
+    std::vector<const OGRGeometry*> pointers;
+    for (const GeometryPointer& piece : distance_m > 0.0 ? rings : pieces) {
+      pointers.push_back(piece.get());
+    }
+    burn_bit(model.semantics, pointers, bit_of(value), Touch::kAny, observer);
+  };
+  const SettlementOptions& distances = options.settlements;
+  burn_ring(settlements.villages, 0.0, SemanticClass::kVillage);
+  burn_ring(settlements.villages, distances.village_adequate_m, SemanticClass::kVillageAdequate);
+  burn_ring(settlements.villages, distances.village_desired_m, SemanticClass::kVillageDesired);
+  burn_ring(settlements.settlements, 0.0, SemanticClass::kSettlement);
+  burn_ring(settlements.settlements, distances.settlement_adequate_m,
+            SemanticClass::kSettlementAdequate);
+  burn_ring(settlements.settlements, distances.settlement_desired_m,
+            SemanticClass::kSettlementDesired);
+
+  raster::Grid<std::uint16_t> mapped(g, 0);
+  std::vector<GeometryPointer> boxes;
+  std::vector<const OGRGeometry*> box_pointers;
+  for (const geo::GeodeticBox& box : land_use.mapped) {
+    boxes.push_back(geometry_of({outline_on_map(box, projection)}));
+    box_pointers.push_back(boxes.back().get());
+  }
+  burn_bit(mapped, box_pointers, 1, Touch::kCentre, observer);
+  for (std::size_t i = 0; i < g.cell_count(); ++i) {
+    if (mapped.values()[i] == 0) {
+      model.semantics.values()[i] = bit_of(SemanticClass::kUnmapped);
+    }
+  }
+  return model;
+}
+
+}  // namespace hedgehop::preparation

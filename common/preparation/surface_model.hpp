@@ -1,0 +1,47 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "base/observer.hpp"
+#include "map/map.hpp"
+#include "map_sources/land_use_source.hpp"
+#include "preparation/prepare.hpp"
+
+namespace hedgehop::preparation {
+
+/// Where the heights of objects come from.
+struct HeightCounts {
+  std::int64_t tagged = 0;
+  std::int64_t from_levels = 0;
+  std::int64_t guessed = 0;
+};
+
+struct SurfaceModel {
+  raster::Grid<float> surface_m;
+  raster::Grid<std::uint16_t> semantics;
+  std::vector<map::PowerLine> power_lines;
+  std::array<HeightCounts, map_sources::kObjectClassCount> heights;  // by ObjectClass
+  HeightCounts support_heights;
+  std::int64_t village_count = 0;
+  std::int64_t settlement_count = 0;
+};
+
+/// Puts what stands on the ground onto it.
+///
+/// Every cell that an object touches, however small, is raised by the object's height above
+/// `upper_terrain_m`; the highest object counts. Between two supports of a power line each touched
+/// cell is raised to the straight line between their tops, and at least to the supports' height
+/// above its ground: nothing flies under or through a line. Values are multiples of 1/64 m, rounded
+/// up.
+///
+/// Semantics are set in touched cells too. Cells whose centre no land-use file covers are unmapped
+/// and carry no other bit; objects that stick out of the covered part still raise the surface
+/// there.
+SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
+                           const map_sources::LandUse& land_use,
+                           const geo::MapProjection& projection, const PrepareOptions& options,
+                           Observer& observer);
+
+}  // namespace hedgehop::preparation
