@@ -100,6 +100,9 @@ class Bus {
   /// The newest `utime` of any accepted message; zero before the first. Judge age against this.
   [[nodiscard]] Time message_time() const;
 
+  /// True for file://: nobody answers, and now() stands still once the log is over.
+  [[nodiscard]] bool is_replay() const;
+
   /// True once a log has been read to its end; never for a live bus.
   [[nodiscard]] bool is_finished() const;
 

@@ -64,8 +64,8 @@ class ServiceLoop {
  public:
   ServiceLoop(Bus& bus, BlobExchange& exchange, std::string name, const Hash128& config_hash);
 
-  /// Until stop_requested(), stop(), or the end of a log: messages, then tick(now), at least every
-  /// `period_s`. A last status says kStopping.
+  /// Until stop_requested() or stop(): messages, then tick(now), at least every `period_s`. The end
+  /// of a log ends it too, once the state is not kWorking. A last status says kStopping.
   void run(double period_s, const std::function<void(Time now)>& tick);
 
   /// One turn of run(), for tests and for work that wants to stay on the bus meanwhile.
