@@ -14,7 +14,7 @@
 #include <map>
 #include <ogr_spatialref.h>
 #include <optional>
-#include <regex>
+#include <regex>  // layers: it sees file names only, which are short
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "base/angles.hpp"
+#include "base/elementary.hpp"
 #include "base/errors.hpp"
 #include "base/hash.hpp"
 #include "map_sources/elevation_source.hpp"
@@ -314,7 +315,7 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   if (!request.osm_files.empty()) {
     // Settlements beyond the border have rings that reach in.
     const double reach_rad = 2.0 * options.settlements.settlement_desired_m / 6.3e6 /
-                             std::max(0.1, std::cos(working_box.centre().latitude_rad));
+                             std::max(0.1, elementary::cos(working_box.centre().latitude_rad));
     const geo::GeodeticBox region{
         working_box.west_rad - reach_rad, working_box.south_rad - reach_rad,
         working_box.east_rad + reach_rad, working_box.north_rad + reach_rad};
