@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Checks lcmtypes/ against the rules of its README, and the channel list against channels.hpp.
 
-usage: check_lcmtypes.py [PROJECT_FOLDER]
+usage: scripts/check_lcmtypes.py [PROJECT_FOLDER]
 
 Prints one line for each fault, file:line first; exit code 1 if there is any.
 """
@@ -178,6 +178,9 @@ def check_channels(folder, structs, faults):
 
 
 def main():
+    if sys.argv[1:] in (["-h"], ["--help"]):
+        print(__doc__)
+        return 0
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent.parent
     faults = []
     try:
