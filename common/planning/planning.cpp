@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "base/angles.hpp"
-#include "base/elementary.hpp"
 
 namespace hedgehop::planning {
 namespace {
@@ -149,6 +148,15 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
                       text_of(config.reference_height_m, 2) +
                       "; prepare the map for that height, or change the config"};
   }
+  const flight::Limits& limits = config.vehicle.limits;
+  if (const double speed_mps = request.speed_mps.value_or(config.speed_mps);
+      !(speed_mps >= limits.speed_min_mps && speed_mps <= limits.speed_max_mps)) {
+    throw UsageError("a speed of " + text_of(speed_mps, 1) +
+                         " m/s lies outside what the vehicle '" + config.vehicle.name +
+                         "' flies, " + text_of(limits.speed_min_mps, 1) + " to " +
+                         text_of(limits.speed_max_mps, 1) + " m/s",
+                     "choose a speed within these limits, or another vehicle_file");
+  }
   const geo::MapProjection projection(map.crs_wkt);
   std::vector<flight::Waypoint> stops;
   const auto place = [&](const flight::RequestPoint& point,
@@ -233,26 +241,21 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility);
   const command_model::CommandModel model(config.vehicle);
 
-  const flight::Waypoint& first = route_plan.route.guide[0];
-  const flight::Waypoint& second = route_plan.route.guide[1];
-  command_model::ModelState initial;
-  initial.x_m = first.x_m;
-  initial.y_m = first.y_m;
-  initial.altitude_m = first.altitude_m;
-  initial.speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);
-  initial.heading_math_rad =
-      route_plan.request.start_heading_true_rad
-          ? math_angle_from_azimuth_rad(
-                grid_from_true_azimuth_rad(*route_plan.request.start_heading_true_rad,
-                                           projection.convergence_rad(first.point())))
-          : elementary::atan2(second.y_m - first.y_m, second.x_m - first.x_m);
+  const double speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);
+  command_model::ModelState initial =
+      local_planning::state_at_start(route_plan.route.guide, speed_mps, config.vehicle.limits);
+  if (route_plan.request.start_heading_true_rad) {
+    initial.heading_math_rad = math_angle_from_azimuth_rad(
+        grid_from_true_azimuth_rad(*route_plan.request.start_heading_true_rad,
+                                   projection.convergence_rad({initial.x_m, initial.y_m})));
+  }
 
   const local_planning::StepModel in_process =
       [&](const command_model::ModelState& state, const command_model::Command& command,
           double step_s) { return model.step(state, command, step_s); };
-  auto flown = local_planning::fly_along(costs, config.vehicle, config.local,
-                                         route_plan.route.guide, initial, initial.speed_mps,
-                                         step_model ? step_model : in_process, observer);
+  auto flown =
+      local_planning::fly_along(costs, config.vehicle, config.local, route_plan.route.guide,
+                                initial, speed_mps, step_model ? step_model : in_process, observer);
   if (auto* no_plan = std::get_if<NoPlan>(&flown)) {
     return std::move(*no_plan);
   }

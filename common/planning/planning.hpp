@@ -39,7 +39,8 @@ PlanningConfig read_planning_config(const std::string& text, const std::string& 
 std::string effective_planning_config(const std::string& config_file,
                                       const std::vector<std::string>& settings);
 
-/// Request -> route: what the global_planner service does.
+/// Request -> route: what the global_planner service does. Throws UsageError for a speed that the
+/// vehicle does not fly.
 std::variant<flight::RoutePlan, flight::NoPlan> plan_route(
     const map::Map& map, const flight::PlanRequest& request, const PlanningConfig& config,
     const global_planning::OnProgress& on_progress, Observer& observer);

@@ -159,6 +159,12 @@ TEST_F(PlanningTest, VoidUnderTheStartIsNamed) {
   EXPECT_EQ(cause(request_), flight::NoPlanCause::kStartUnknownTerrain);
 }
 
+TEST_F(PlanningTest, SpeedThatTheVehicleDoesNotFlyIsRefused) {
+  request_.speed_mps = 120.0;
+
+  EXPECT_THROW(plan(request_), UsageError);
+}
+
 TEST_F(PlanningTest, MapForAnotherReferenceHeightIsRefused) {
   map_.reference_height_m = 30.0;
   test::finish_map(map_);
