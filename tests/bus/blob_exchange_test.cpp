@@ -1,0 +1,490 @@
+#include "bus/blob_exchange.hpp"
+
+#include <cstring>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <random>
+
+#include "bus/map_exchange.hpp"
+#include "bus/packing.hpp"
+#include "messages/map_tiles.hpp"
+#include "messages/message_error.hpp"
+#include "support/test_map.hpp"
+
+namespace hedgehop::bus {
+namespace {
+
+using messages::BlobRef;
+using messages::Chunk;
+using messages::ChunkRequest;
+
+BlobExchangeOptions quick_options() { return {}; }
+
+Bytes random_bytes(std::mt19937_64& random, std::size_t size) {
+  Bytes bytes(size);
+  for (std::byte& b : bytes) {
+    b = static_cast<std::byte>(random());
+  }
+  return bytes;
+}
+
+/// Several exchanges on a network that loses, doubles and delays, in virtual time.
+class Network {
+ public:
+  Network(std::uint64_t seed, double loss, double doubling, double delay_max_s)
+      : random_(seed), loss_(loss), doubling_(doubling), delay_max_s_(delay_max_s) {}
+
+  BlobExchange& add(const BlobExchangeOptions& options) {
+    const auto id = static_cast<std::int64_t>(nodes_.size()) + 1;
+    nodes_.push_back(std::make_unique<BlobExchange>(
+        options, id,
+        [this](const Chunk& chunk) {
+          ++chunks_sent;
+          post([chunk](BlobExchange& node) { node.receive(chunk); });
+        },
+        [this](const ChunkRequest& request) {
+          EXPECT_LE(request.ranges.size(), messages::kMaxRangesPerRequest);
+          EXPECT_FALSE(request.ranges.empty());
+          ++requests_sent;
+          post([request](BlobExchange& node) { node.receive(request); });
+        }));
+    return *nodes_.back();
+  }
+
+  /// Until `is_done` or the time is over; returns the virtual seconds that passed.
+  double run(double limit_s, const std::function<bool()>& is_done) {
+    const Time begin = now_;
+    while (seconds_between(begin, now_) < limit_s && !is_done()) {
+      now_ = now_ + 0.005;
+      while (!mail_.empty() && mail_.begin()->first <= now_) {
+        const auto letter = std::move(mail_.begin()->second);
+        mail_.erase(mail_.begin());
+        letter();
+      }
+      for (const auto& node : nodes_) {
+        node->tick(now_);
+      }
+    }
+    return seconds_between(begin, now_);
+  }
+
+  std::int64_t chunks_sent = 0;
+  std::int64_t requests_sent = 0;
+
+ private:
+  template <typename Deliver>
+  void post(const Deliver& deliver) {
+    std::uniform_real_distribution<double> unit(0.0, 1.0);
+    for (const auto& node : nodes_) {
+      const int copies = 1 + (unit(random_) < doubling_ ? 1 : 0);
+      for (int copy = 0; copy < copies; ++copy) {
+        if (unit(random_) < loss_) {
+          continue;
+        }
+        mail_.emplace(now_ + unit(random_) * delay_max_s_,
+                      [deliver, target = node.get()] { deliver(*target); });
+      }
+    }
+  }
+
+  std::mt19937_64 random_;
+  double loss_;
+  double doubling_;
+  double delay_max_s_;
+  Time now_{1'000'000'000};
+  std::vector<std::unique_ptr<BlobExchange>> nodes_;
+  std::multimap<Time, std::function<void()>> mail_;
+};
+
+std::uint64_t fresh_seed() {
+  const std::uint64_t seed = std::random_device{}();
+  std::cout << "seed " << seed << '\n';
+  return seed;
+}
+
+TEST(BlobExchange, BlobsArriveWholeThroughLossDoublingAndDisorder) {
+  const std::uint64_t seed = fresh_seed();
+  std::mt19937_64 random(seed);
+  for (const double loss : {0.0, 0.05, 0.3, 0.7}) {
+    Network network(random(), loss, 0.3, 0.2);
+    BlobExchange& sender = network.add(quick_options());
+    BlobExchange& reader_1 = network.add(quick_options());
+    BlobExchange& reader_2 = network.add(quick_options());
+    std::vector<Bytes> contents;
+    std::vector<BlobRef> refs;
+    for (const std::size_t size : {0U, 1U, 1279U, 1280U, 1281U, 100'000U, 777'777U}) {
+      contents.push_back(random_bytes(random, size));
+      refs.push_back(sender.offer(contents.back(), false));
+      reader_1.want(refs.back(), "blob");
+      reader_2.want(refs.back(), "blob");
+    }
+    const auto is_done = [&] { return reader_1.missing().empty() && reader_2.missing().empty(); };
+    network.run(300.0, is_done);
+    ASSERT_TRUE(is_done()) << "loss " << loss;
+    for (std::size_t i = 0; i < refs.size(); ++i) {
+      ASSERT_NE(reader_1.content(refs[i].id), nullptr);
+      EXPECT_EQ(*reader_1.content(refs[i].id), contents[i]);
+      EXPECT_EQ(*reader_2.content(refs[i].id), contents[i]);
+    }
+  }
+}
+
+TEST(BlobExchange, WithoutLossEachChunkIsSentOnceForTwoReaders) {
+  Network network(fresh_seed(), 0.0, 0.0, 0.002);
+  BlobExchange& sender = network.add(quick_options());
+  BlobExchange& reader_1 = network.add(quick_options());
+  BlobExchange& reader_2 = network.add(quick_options());
+  std::mt19937_64 random(1);
+  const BlobRef ref = sender.offer(random_bytes(random, 500'000), false);
+  reader_1.want(ref, "blob");
+  reader_2.want(ref, "blob");
+  const double took_s =
+      network.run(10.0, [&] { return reader_1.missing().empty() && reader_2.missing().empty(); });
+  EXPECT_EQ(network.chunks_sent, ref.chunk_count());
+  EXPECT_EQ(network.requests_sent, 2);
+  EXPECT_LT(took_s, 0.3);
+}
+
+TEST(BlobExchange, AReplayWithoutAnybodyToAnswerNeedsOnlyTheChunks) {
+  // GIVEN all chunks of a blob, and a reader whose questions go nowhere
+  std::vector<Chunk> chunks;
+  BlobExchange sender(
+      quick_options(), 1, [&](const Chunk& chunk) { chunks.push_back(chunk); },
+      [](const ChunkRequest&) {});
+  std::mt19937_64 random(fresh_seed());
+  const Bytes content = random_bytes(random, 300'000);
+  const BlobRef ref = sender.offer(content, true);
+  for (int i = 0; i < 100; ++i) {
+    sender.tick(Time{1'000'000 + i * 10'000});
+  }
+  ASSERT_EQ(chunks.size(), static_cast<std::size_t>(ref.chunk_count()));
+  std::shuffle(chunks.begin(), chunks.end(), random);
+
+  // WHEN half of them come before the blob is announced, in any order and some twice
+  BlobExchange reader(
+      quick_options(), 2, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  const std::size_t half = chunks.size() / 2;
+  for (std::size_t i = 0; i < half; ++i) {
+    reader.receive(chunks[i]);
+    reader.receive(chunks[i / 2]);
+  }
+  reader.want(ref, "route");
+  EXPECT_EQ(reader.missing_chunk_count(), static_cast<std::int64_t>(chunks.size() - half));
+  EXPECT_EQ(reader.content(ref.id), nullptr);
+  for (std::size_t i = half; i < chunks.size(); ++i) {
+    reader.receive(chunks[i]);
+  }
+
+  // THEN it is complete
+  ASSERT_NE(reader.content(ref.id), nullptr);
+  EXPECT_EQ(*reader.content(ref.id), content);
+}
+
+TEST(BlobExchange, AMissingChunkIsNamed) {
+  std::vector<Chunk> chunks;
+  BlobExchange sender(
+      quick_options(), 1, [&](const Chunk& chunk) { chunks.push_back(chunk); },
+      [](const ChunkRequest&) {});
+  std::mt19937_64 random(7);
+  const BlobRef ref = sender.offer(random_bytes(random, 15'000), true);
+  sender.tick(Time{1'000'000});
+  ASSERT_EQ(chunks.size(), 12U);
+  BlobExchange reader(
+      quick_options(), 2, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  reader.want(ref, "tile of layer surface, column 3, row 0");
+  for (const Chunk& chunk : chunks) {
+    if (chunk.number != 4 && chunk.number != 7 && chunk.number != 8) {
+      reader.receive(chunk);
+    }
+  }
+  ASSERT_EQ(reader.missing().size(), 1U);
+  EXPECT_EQ(to_text(reader.missing()[0]), "tile of layer surface, column 3, row 0 (blob " +
+                                              ref.id.hex().substr(0, 8) +
+                                              "): 3 of 12 chunks missing: 4, 7-8");
+}
+
+TEST(BlobExchange, QuestionsGrowRareWhileNobodyAnswersAndComeBackWithNewWishes) {
+  std::vector<Time> asked;
+  Time now{1'000'000'000};
+  BlobExchange reader(
+      quick_options(), 5, [](const Chunk&) {}, [&](const ChunkRequest&) { asked.push_back(now); });
+  reader.want({{1, 2}, 5000, 9000}, "route");
+  for (int i = 0; i < 20'000; ++i) {  // 100 s
+    now = now + 0.005;
+    reader.tick(now);
+  }
+  // At 2 s to 3 s a question after the first few: 34 to 55.
+  EXPECT_GE(asked.size(), 34U);
+  EXPECT_LE(asked.size(), 60U);
+  reader.want({{3, 4}, 5000, 9000}, "another");
+  const std::size_t before = asked.size();
+  for (int i = 0; i < 100; ++i) {  // 0.5 s
+    now = now + 0.005;
+    reader.tick(now);
+  }
+  EXPECT_GT(asked.size(), before);
+}
+
+TEST(BlobExchange, SendingKeepsItsPace) {
+  std::int64_t bytes = 0;
+  BlobExchangeOptions options = quick_options();
+  options.send_rate_Bps = 1e6;
+  options.send_burst_bytes = 50'000.0;
+  BlobExchange sender(
+      options, 1,
+      [&](const Chunk& chunk) { bytes += static_cast<std::int64_t>(chunk.piece.size()); },
+      [](const ChunkRequest&) {});
+  std::mt19937_64 random(7);
+  sender.offer(random_bytes(random, 4'000'000), true);
+  Time now{1'000'000};
+  sender.tick(now);
+  EXPECT_LE(bytes, 50'000);
+  for (int i = 0; i < 200; ++i) {
+    now = now + 0.005;
+    sender.tick(now);
+  }
+  // One second at 1 MB/s less the share of headers, and the first burst.
+  EXPECT_LE(bytes, 1'050'000);
+  EXPECT_GE(bytes, 900'000);
+}
+
+TEST(BlobExchange, AForgedChunkIsFoundOutAndTheBlobAskedForAgain) {
+  std::vector<Chunk> chunks;
+  BlobExchange sender(
+      quick_options(), 1, [&](const Chunk& chunk) { chunks.push_back(chunk); },
+      [](const ChunkRequest&) {});
+  std::mt19937_64 random(7);
+  const Bytes content = random_bytes(random, 10'000);
+  const BlobRef ref = sender.offer(content, true);
+  sender.tick(Time{1'000'000});
+  BlobExchange reader(
+      quick_options(), 2, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  reader.want(ref, "route");
+  Chunk forged = chunks[3];
+  forged.piece[100] ^= std::byte{1};
+  reader.receive(forged);
+  for (const Chunk& chunk : chunks) {
+    reader.receive(chunk);
+  }
+  EXPECT_FALSE(reader.is_complete(ref.id));
+  EXPECT_EQ(reader.missing_chunk_count(), ref.chunk_count());
+  for (const Chunk& chunk : chunks) {
+    reader.receive(chunk);
+  }
+  ASSERT_TRUE(reader.is_complete(ref.id));
+  EXPECT_EQ(*reader.content(ref.id), content);
+}
+
+TEST(BlobExchange, UnclaimedChunksStayWithinTheirMemory) {
+  BlobExchangeOptions options = quick_options();
+  options.unclaimed_bytes_max = 100'000;
+  BlobExchange reader(
+      options, 2, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  const auto chunk_of = [](std::uint64_t blob, std::int32_t number) {
+    Chunk chunk;
+    chunk.blob_id = {blob, 1};
+    chunk.packed_bytes = 64LL << 20;
+    chunk.number = number;
+    chunk.piece.resize(static_cast<std::size_t>(messages::kChunkBytes));
+    return chunk;
+  };
+  for (std::uint64_t blob = 1; blob <= 10'000; ++blob) {
+    reader.receive(chunk_of(blob, static_cast<std::int32_t>(blob % 50'000)));
+  }
+  // 1400 bytes each: the last 71 remain, the older ones have made room.
+  reader.want({{10'000, 1}, 64LL << 20, 100}, "newest");
+  EXPECT_EQ(reader.missing()[0].missing_count, reader.missing()[0].chunk_count - 1);
+  reader.want({{1, 1}, 64LL << 20, 100}, "oldest");
+  EXPECT_EQ(reader.missing()[1].missing_count, reader.missing()[1].chunk_count);
+}
+
+TEST(BlobExchange, WishesBeyondTheMemoryAreRefused) {
+  BlobExchangeOptions options = quick_options();
+  options.kept_bytes_max = 1'000'000;
+  BlobExchange reader(
+      options, 2, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  reader.want({{1, 1}, 900'000, 1}, "first");
+  EXPECT_THROW(reader.want({{2, 1}, 200'000, 1}, "second"), messages::MessageError);
+  reader.forget({1, 1});
+  EXPECT_NO_THROW(reader.want({{2, 1}, 200'000, 1}, "second"));
+}
+
+TEST(BlobExchange, WhatIsOfferedHereNeedsNoTransfer) {
+  BlobExchange both(
+      quick_options(), 2, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  const Bytes content(5000, std::byte{7});
+  const BlobRef ref = both.offer(content, false);
+  both.want(ref, "own");
+  ASSERT_NE(both.content(ref.id), nullptr);
+  EXPECT_EQ(*both.content(ref.id), content);
+  EXPECT_EQ(both.missing_chunk_count(), 0);
+}
+
+TEST(Packing, ComesBackAndClaimsAreChecked) {
+  std::mt19937_64 random(fresh_seed());
+  for (const std::size_t size : {0U, 1U, 100'000U}) {
+    const Bytes content = random_bytes(random, size);
+    const Bytes packed = pack(content);
+    EXPECT_EQ(unpack(packed, static_cast<std::int64_t>(size)), content);
+    EXPECT_THROW(unpack(packed, static_cast<std::int64_t>(size) + 1), messages::MessageError);
+    Bytes cut = packed;
+    cut.pop_back();
+    EXPECT_THROW(unpack(cut, static_cast<std::int64_t>(size)), messages::MessageError);
+  }
+  EXPECT_THROW(unpack(Bytes(), 0), messages::MessageError);
+  EXPECT_THROW(unpack(random_bytes(random, 100), 1LL << 60), messages::MessageError);
+}
+
+// ----------------------------------------------------------------------------------------------
+
+map::Map random_map(std::mt19937_64& random, int columns, int rows) {
+  std::uniform_real_distribution<double> height(-400.0, 4000.0);
+  map::Map map =
+      test::make_map(columns, rows, 30.0, [&](double, double) { return height(random); });
+  map.crs_wkt = "PROJCRS[\"some\"]";
+  map.label = "SYNTHETIC";
+  map.attributions = {"first line", "second line"};
+  map.power_lines = {{5, {{{10.0, 20.0}, 30.0}, {{40.5, 50.0}, 25.0}}},
+                     {-6, {{{1.0, 2.0}, 3.0}, {{4.0, 5.0}, 6.0}, {{7.0, 8.0}, 9.0}}}};
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      map.surface_m.at(column, row) += static_cast<float>(random() % 100) / 64.0F;
+      map.semantics.at(column, row) = static_cast<std::uint16_t>(random() % 5);
+      map.visibility.at(column, row) = static_cast<std::uint16_t>(random());
+    }
+  }
+  map.terrain_m.at(1, 1) = map.surface_m.at(1, 1) = std::numeric_limits<float>::quiet_NaN();
+  map.terrain_m.at(2, 1) = -0.0F;
+  map.surface_m.at(2, 1) = 0.0F;
+  test::finish_map(map);
+  return map;
+}
+
+void expect_same_map(const map::Map& a, const map::Map& b) {
+  EXPECT_EQ(a.hash, b.hash);
+  EXPECT_EQ(map::map_hash(a), b.hash);
+  ASSERT_EQ(a.geometry, b.geometry);
+  const std::size_t cells = a.geometry.cell_count();
+  EXPECT_EQ(std::memcmp(a.terrain_m.row(0), b.terrain_m.row(0), cells * 4), 0);
+  EXPECT_EQ(std::memcmp(a.surface_m.row(0), b.surface_m.row(0), cells * 4), 0);
+  EXPECT_EQ(a.semantics.values(), b.semantics.values());
+  EXPECT_EQ(a.visibility.values(), b.visibility.values());
+}
+
+TEST(MapExchange, TheMapArrivesBitForBitThroughLoss) {
+  const std::uint64_t seed = fresh_seed();
+  std::mt19937_64 random(seed);
+  for (const auto& [columns, rows, tile_cells] :
+       {std::tuple{100, 70, 32}, std::tuple{64, 64, 64}, std::tuple{17, 33, 16}}) {
+    const map::Map map = random_map(random, columns, rows);
+    Network network(random(), 0.2, 0.2, 0.1);
+    BlobExchange& tiler = network.add(quick_options());
+    BlobExchange& planner = network.add(quick_options());
+    const messages::MapIndex index = offer_map(map, tile_cells, tiler);
+    MapAssembly assembly(planner);
+    EXPECT_EQ(assembly.missing(), "no MAP_INDEX heard");
+    assembly.receive(index);
+    network.run(60.0, [&] {
+      assembly.receive(index);  // comes every second
+      assembly.tick();
+      return assembly.map() != nullptr || !assembly.refusal().empty();
+    });
+    ASSERT_NE(assembly.map(), nullptr) << assembly.missing();
+    expect_same_map(*assembly.map(), map);
+    EXPECT_EQ(assembly.missing(), "");
+    EXPECT_EQ(planner.missing_chunk_count(), 0);
+  }
+}
+
+TEST(MapExchange, AMissingTileIsNamedByLayerColumnAndRow) {
+  std::mt19937_64 random(3);
+  const map::Map map = random_map(random, 100, 70);
+  std::vector<Chunk> chunks;
+  BlobExchange tiler(
+      quick_options(), 1, [&](const Chunk& chunk) { chunks.push_back(chunk); },
+      [](const ChunkRequest&) {});
+  const messages::MapIndex index = offer_map(map, 32, tiler);
+  const BlobRef lost =
+      tiler.offer(messages::encode_map_tile(map, 32, {messages::MapLayer::kSurface, 2, 1}), false);
+  BlobExchange planner(
+      quick_options(), 2, [](const Chunk&) {},
+      [&](const ChunkRequest& request) { tiler.receive(request); });
+  MapAssembly assembly(planner);
+  assembly.receive(index);
+  Time now{1'000'000'000};
+  for (int i = 0; i < 2000; ++i) {
+    now = now + 0.005;
+    planner.tick(now);
+    tiler.tick(now);
+    for (const Chunk& chunk : chunks) {
+      if (chunk.blob_id != lost.id || chunk.number != 1) {
+        planner.receive(chunk);
+      }
+    }
+    chunks.clear();
+    assembly.tick();
+  }
+  EXPECT_EQ(assembly.map(), nullptr);
+  EXPECT_THAT(assembly.missing(),
+              testing::AllOf(testing::HasSubstr("layer surface, tile column 2, tile row 1"),
+                             testing::HasSubstr("chunks missing: 1")));
+}
+
+TEST(MapExchange, AMapThatIsNotWhatTheIndexSaysIsRefused) {
+  std::mt19937_64 random(3);
+  const map::Map map = random_map(random, 40, 40);
+  Network network(1, 0.0, 0.0, 0.001);
+  BlobExchange& tiler = network.add(quick_options());
+  BlobExchange& planner = network.add(quick_options());
+  messages::MapIndex index = offer_map(map, 32, tiler);
+  index.geometry.west_m += 1.0;  // a shifted map has another hash
+  MapAssembly assembly(planner);
+  assembly.receive(index);
+  network.run(20.0, [&] {
+    assembly.tick();
+    return !assembly.refusal().empty();
+  });
+  EXPECT_THAT(assembly.refusal(), testing::HasSubstr("hash"));
+  EXPECT_EQ(assembly.map(), nullptr);
+
+  // The right index makes it good.
+  index.geometry.west_m -= 1.0;
+  assembly.receive(index);
+  network.run(20.0, [&] {
+    assembly.tick();
+    return assembly.map() != nullptr;
+  });
+  ASSERT_NE(assembly.map(), nullptr);
+  expect_same_map(*assembly.map(), map);
+}
+
+TEST(MapExchange, ANewMapReplacesTheOldOneOnceItIsWhole) {
+  std::mt19937_64 random(3);
+  const map::Map first = random_map(random, 40, 40);
+  const map::Map second = random_map(random, 50, 30);
+  Network network(1, 0.1, 0.0, 0.01);
+  BlobExchange& tiler = network.add(quick_options());
+  BlobExchange& planner = network.add(quick_options());
+  MapAssembly assembly(planner);
+  assembly.receive(offer_map(first, 32, tiler));
+  const auto until = [&](const map::Map& map) {
+    network.run(30.0, [&] {
+      assembly.tick();
+      return assembly.map() != nullptr && assembly.map()->hash == map.hash;
+    });
+  };
+  until(first);
+  ASSERT_NE(assembly.map(), nullptr);
+  const std::shared_ptr<const map::Map> held = assembly.map();
+  assembly.receive(offer_map(second, 32, tiler));
+  EXPECT_EQ(assembly.map()->hash, first.hash);
+  until(second);
+  expect_same_map(*assembly.map(), second);
+  expect_same_map(*held, first);
+}
+
+}  // namespace
+}  // namespace hedgehop::bus
