@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <iostream>
+#include <random>
 #include <thread>
 #include <unistd.h>
 
@@ -11,6 +13,7 @@
 #include "bus/event_log.hpp"
 #include "bus/map_exchange.hpp"
 #include "bus/service.hpp"
+#include "messages/map_tiles.hpp"
 #include "messages/plan_blobs.hpp"
 #include "support/example_messages.hpp"
 #include "support/test_map.hpp"
@@ -154,6 +157,113 @@ TEST_F(BusOnLog, ALogGivesOneMessageAPollAndItsOwnTime) {
   EXPECT_FALSE(bus.is_finished());
   EXPECT_EQ(bus.poll(0.0), 0);
   EXPECT_TRUE(bus.is_finished());
+}
+
+/// Everything that crosses the bus while a map goes from a tiler to a reader.
+std::vector<std::pair<std::string, Bytes>> recorded_map_transfer(const map::Map& map) {
+  std::vector<std::pair<std::string, Bytes>> events;
+  Bus tiler_bus(memory("recorded", 1));
+  Bus reader_bus(memory("recorded", 2));
+  BlobExchange tiler({}, tiler_bus);
+  BlobExchange reader({}, reader_bus);
+  MapAssembly assembly(reader);
+  reader_bus.subscribe_raw([&](const RawMessage& raw) {
+    events.emplace_back(raw.channel, Bytes(raw.bytes.begin(), raw.bytes.end()));
+  });
+  reader_bus.subscribe<MapIndex>(
+      kMapIndexChannel, [&](const MapIndex& index, const Stamp&) { assembly.receive(index); });
+  const MapIndex index = offer_map(map, 32, tiler);
+  Time now{1'700'000'000'000'000};
+  for (int i = 0; i < 2000 && !assembly.map(); ++i) {
+    now = now + 0.005;
+    if (i % 50 == 0) {
+      tiler_bus.publish(kMapIndexChannel, index, now);
+    }
+    tiler_bus.poll(0.0);
+    tiler.tick(now);
+    reader_bus.poll(0.0);
+    assembly.tick();
+    reader.tick(now);
+  }
+  EXPECT_NE(assembly.map(), nullptr);
+  return events;
+}
+
+map::Map small_map() {
+  map::Map map =
+      test::make_map(100, 80, 30.0, [](double x, double y) { return 0.01 * x + 0.02 * y; });
+  test::finish_map(map);
+  return map;
+}
+
+TEST_F(BusOnLog, ARecordedMapComesOutOfItsLogInAnyOrderWithNobodyThere) {
+  const map::Map map = small_map();
+  std::vector<std::pair<std::string, Bytes>> events = recorded_map_transfer(map);
+  const unsigned seed = std::random_device{}();
+  std::cout << "seed " << seed << '\n';
+  std::mt19937 random(seed);
+  for (int round = 0; round < 5; ++round) {
+    Bus bus({url_of(events), "", 9});
+    BlobExchange exchange({}, bus);
+    MapAssembly assembly(exchange);
+    bus.subscribe<MapIndex>(kMapIndexChannel,
+                            [&](const MapIndex& index, const Stamp&) { assembly.receive(index); });
+    while (!bus.is_finished()) {
+      bus.poll(0.0);
+      assembly.tick();
+      exchange.tick(bus.now());
+    }
+    ASSERT_NE(assembly.map(), nullptr) << assembly.missing();
+    EXPECT_EQ(assembly.map()->hash, map.hash);
+    std::shuffle(events.begin(), events.end(), random);
+  }
+}
+
+TEST_F(BusOnLog, AChunkMissingInALogIsNamed) {
+  const map::Map map = small_map();
+  std::vector<std::pair<std::string, Bytes>> events = recorded_map_transfer(map);
+  // GIVEN a log without the one chunk of the tile of the visibility layer in the north-east
+  BlobExchange tiler(
+      {}, 1, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  const BlobRef lost = tiler.offer(encode_map_tile(map, 32, {MapLayer::kVisibility, 3, 2}), false);
+  const std::size_t removed = std::erase_if(events, [&](const auto& event) {
+    Stamp stamp;
+    return event.first == kChunkChannel.name &&
+           from_message<Chunk>(event.second, stamp).blob_id == lost.id;
+  });
+  ASSERT_EQ(removed, 1U);
+  Bus bus({url_of(events), "", 9});
+  BlobExchange exchange({}, bus);
+  MapAssembly assembly(exchange);
+  bus.subscribe<MapIndex>(kMapIndexChannel,
+                          [&](const MapIndex& index, const Stamp&) { assembly.receive(index); });
+  while (!bus.is_finished()) {
+    bus.poll(0.0);
+    assembly.tick();
+    exchange.tick(bus.now());
+  }
+  EXPECT_EQ(assembly.map(), nullptr);
+  EXPECT_THAT(assembly.missing(),
+              testing::AllOf(testing::HasSubstr("layer visibility, tile column 3, tile row 2"),
+                             testing::HasSubstr("1 of 1 chunks missing: 0")));
+}
+
+TEST_F(BusOnLog, WhatAReplayMakesComesOutAtOnceThoughItsTimeStandsStill) {
+  Bus bus({url_of({{"PLAN_CANCEL", to_message(PlanCancel{{1, 2}}, Stamp{Time{1}, 5, 1})}}), "", 9});
+  BlobExchange exchange({}, bus);
+  int chunks = 0;
+  bus.tap_published([&](const RawMessage& raw) { chunks += raw.channel == "CHUNK" ? 1 : 0; });
+  while (!bus.is_finished()) {
+    bus.poll(0.0);
+  }
+  std::mt19937_64 random(1);
+  Bytes content(1'000'000);
+  for (std::byte& byte : content) {
+    byte = static_cast<std::byte>(random());
+  }
+  const BlobRef ref = exchange.offer(content, true);
+  exchange.tick(bus.now());
+  EXPECT_EQ(chunks, ref.chunk_count());
 }
 
 TEST(Bus, ARecorderHearsEverythingAndATapWhatIsPublished) {
