@@ -365,8 +365,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
     }
   }
   map.visibility =
-      visibility_of_block(model.surface_m, corner, map.geometry.columns, map.geometry.rows,
-                          options.visibility, request.threads, observer);
+      visibility_of_block(model.opaque_m, model.surface_m, corner, map.geometry.columns,
+                          map.geometry.rows, options.visibility, request.threads, observer);
   map.hash = map::map_hash(map);
   map::validate(map);
 
@@ -405,6 +405,10 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   provenance["terrain_resampling"] =
       "bilinear at the cell's centre, exact transformer; surface starts from the terrain raised so "
       "that no source sample lies above its cell or above the bilinear surface";
+  provenance["visibility_method"] =
+      "share of the ground within the radius that sees a point at reference height over the "
+      "surface; "
+      "lines of sight interpolated, flat earth, power lines hide nothing";
   provenance["mapped_extent_deg"] = std::move(mapped);
   provenance["guessed_height_share"] = std::round(guessed_share * 1e6) / 1e6;
   provenance["object_heights"] = std::move(heights);

@@ -226,6 +226,7 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
     burn_bit(model.semantics, by_class[i], bit_of(class_bit(static_cast<ObjectClass>(i))),
              Touch::kAny, observer);
   }
+  model.opaque_m = model.surface_m;
   for (const map_sources::PowerLineObject& source : land_use.power_lines) {
     observer.check_stop();
     map::PowerLine line{source.source_id, {}};

@@ -19,7 +19,8 @@ struct HeightCounts {
 };
 
 struct SurfaceModel {
-  raster::Grid<float> surface_m;
+  raster::Grid<float> surface_m;  // everything that must be flown over
+  raster::Grid<float> opaque_m;   // the same without power lines: what hides from view
   raster::Grid<std::uint16_t> semantics;
   std::vector<map::PowerLine> power_lines;
   std::array<HeightCounts, map_sources::kObjectClassCount> heights;  // by ObjectClass

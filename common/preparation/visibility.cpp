@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <tbb/blocked_range2d.h>
+#include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
@@ -136,9 +137,11 @@ struct Sums {
   std::size_t stride = 0;
 };
 
-// One of the two passes: rays along the rows of `raster` from every cell of the block.
-Sums sums_of_block(const Padded& raster, const std::vector<Ray>& rays, raster::CellIndex block,
-                   int columns, int rows, int reach, double reference_height_m, double done,
+// One of the two passes: rays along the rows of `raster` from every cell of the block. `eye_m`
+// gives the eye over a cell of the raster.
+template <typename EyeAt>
+Sums sums_of_block(const Padded& raster, const EyeAt& eye_m, const std::vector<Ray>& rays,
+                   raster::CellIndex block, int columns, int rows, int reach, double done,
                    Observer& observer) {
   Sums sums;
   sums.stride = static_cast<std::size_t>(columns + kLanesMax);
@@ -168,13 +171,17 @@ Sums sums_of_block(const Padded& raster, const std::vector<Ray>& rays, raster::C
                                 column_count, row_count, reach);
             std::vector<std::int32_t> seen(kTileColumns + kLanesMax);
             std::vector<std::int32_t> known(kTileColumns + kLanesMax);
+            std::vector<float> eyes_m(kTileColumns + kLanesMax);
             for (int row = first_row; row < first_row + row_count; ++row) {
               observer.check_stop();
               std::fill(seen.begin(), seen.end(), 0);
               std::fill(known.begin(), known.end(), is_all_known ? all_known : 0);
-              add_seen(raster.at(block.column + first_column, block.row + row), column_count, rays,
-                       static_cast<float>(reference_height_m), seen.data(),
-                       is_all_known ? nullptr : known.data());
+              for (int i = 0; i < column_count; ++i) {
+                eyes_m[static_cast<std::size_t>(i)] =
+                    eye_m(block.column + first_column + i, block.row + row);
+              }
+              add_seen(raster.at(block.column + first_column, block.row + row), eyes_m.data(),
+                       column_count, rays, seen.data(), is_all_known ? nullptr : known.data());
               const std::size_t target = static_cast<std::size_t>(row) * sums.stride +
                                          static_cast<std::size_t>(first_column);
               std::copy_n(seen.begin(), column_count, sums.seen.data() + target);
@@ -190,12 +197,16 @@ Sums sums_of_block(const Padded& raster, const std::vector<Ray>& rays, raster::C
 
 }  // namespace
 
-raster::Grid<std::uint16_t> visibility_of_block(const raster::Grid<float>& surface_m,
+raster::Grid<std::uint16_t> visibility_of_block(const raster::Grid<float>& opaque_m,
+                                                const raster::Grid<float>& surface_m,
                                                 raster::CellIndex block, int columns, int rows,
                                                 const VisibilityOptions& options, int threads,
                                                 Observer& observer) {
   const raster::GridGeometry& g = surface_m.geometry();
   validate(options, g.cell_m);
+  if (opaque_m.geometry() != g) {
+    throw std::invalid_argument("visibility: both surfaces need the same geometry");
+  }
   if (block.column < 0 || block.row < 0 || columns < 1 || rows < 1 ||
       block.column + columns > g.columns || block.row + rows > g.rows) {
     throw std::invalid_argument("visibility: the block does not lie inside the raster");
@@ -203,16 +214,21 @@ raster::Grid<std::uint16_t> visibility_of_block(const raster::Grid<float>& surfa
   observer.progress(kStage, 0.0, 1.0);
   const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m)) + 1;
   const auto pass = [&](bool is_transposed) {
-    const Padded raster = padded(surface_m, reach + 1, is_transposed);
+    const Padded raster = padded(opaque_m, reach + 1, is_transposed);
     const std::vector<Ray> rays = rays_along_rows(options, g.cell_m, raster.stride, is_transposed);
-    return is_transposed ? sums_of_block(raster, rays, {block.row, block.column}, rows, columns,
-                                         reach, options.reference_height_m, 0.5, observer)
-                         : sums_of_block(raster, rays, block, columns, rows, reach,
-                                         options.reference_height_m, 0.0, observer);
+    const auto eye_m = [&](int column, int row) {
+      const float ground_m = is_transposed ? surface_m.at(row, column) : surface_m.at(column, row);
+      return ground_m + static_cast<float>(options.reference_height_m);
+    };
+    return is_transposed
+               ? sums_of_block(raster, eye_m, rays, {block.row, block.column}, rows, columns, reach,
+                               0.5, observer)
+               : sums_of_block(raster, eye_m, rays, block, columns, rows, reach, 0.0, observer);
   };
   Sums along_y;
   Sums along_x;
-  tbb::task_arena arena(threads > 0 ? threads : tbb::task_arena::automatic);
+  const int processors = tbb::info::default_concurrency();
+  tbb::task_arena arena(threads > 0 ? std::min(threads, processors) : processors);
   arena.execute([&] {
     along_y = pass(false);
     observer.check_stop();
@@ -245,7 +261,8 @@ raster::Grid<std::uint16_t> visibility_of_block(const raster::Grid<float>& surfa
   return result;
 }
 
-double reference_visibility_share(const raster::Grid<float>& surface_m, raster::CellIndex cell,
+double reference_visibility_share(const raster::Grid<float>& opaque_m,
+                                  const raster::Grid<float>& surface_m, raster::CellIndex cell,
                                   const VisibilityOptions& options) {
   const raster::GridGeometry& g = surface_m.geometry();
   validate(options, g.cell_m);
@@ -261,11 +278,11 @@ double reference_visibility_share(const raster::Grid<float>& surface_m, raster::
       const raster::CellIndex target{cell.column + dx, cell.row + dy};
       const double distance = std::hypot(dx, dy);
       if ((dx == 0 && dy == 0) || distance * g.cell_m > options.radius_m || !g.contains(target) ||
-          std::isnan(surface_m.at(target))) {
+          std::isnan(opaque_m.at(target))) {
         continue;
       }
       ++known;
-      const double target_slope = (static_cast<double>(surface_m.at(target)) - eye_m) / distance;
+      const double target_slope = (static_cast<double>(opaque_m.at(target)) - eye_m) / distance;
       const int steps = std::max(std::abs(dx), std::abs(dy));
       bool is_seen = true;
       for (int k = 1; k < steps && is_seen; ++k) {
@@ -277,10 +294,10 @@ double reference_visibility_share(const raster::Grid<float>& surface_m, raster::
             is_along_x ? cell.column + (dx > 0 ? k : -k) : static_cast<int>(std::floor(x));
         const int row = is_along_x ? static_cast<int>(std::floor(y)) : cell.row + (dy > 0 ? k : -k);
         const double fraction = is_along_x ? y - row : x - column;
-        double z_m = static_cast<double>(surface_m.at(column, row));
+        double z_m = static_cast<double>(opaque_m.at(column, row));
         if (fraction > 1e-9) {
-          const double next_m = is_along_x ? static_cast<double>(surface_m.at(column, row + 1))
-                                           : static_cast<double>(surface_m.at(column + 1, row));
+          const double next_m = is_along_x ? static_cast<double>(opaque_m.at(column, row + 1))
+                                           : static_cast<double>(opaque_m.at(column + 1, row));
           z_m += fraction * (next_m - z_m);
         }
         is_seen = !((z_m - eye_m) / (t * distance) > target_slope);

@@ -14,15 +14,14 @@ using Floats = hn::Vec<FloatTag>;
 
 // Two groups of lanes at once: enough to hide the latency of max, few enough for 16 registers.
 template <bool kCountKnown>
-HWY_NOINLINE void add_ray(const float* HWY_RESTRICT observers, const Ray& ray,
-                          float reference_height_m, std::int32_t* HWY_RESTRICT seen,
+HWY_NOINLINE void add_ray(const float* HWY_RESTRICT ground_m, const float* HWY_RESTRICT eyes_m,
+                          const Ray& ray, std::int32_t* HWY_RESTRICT seen,
                           std::int32_t* HWY_RESTRICT known) {
   const FloatTag tag;
   const hn::RebindToSigned<FloatTag> int_tag;
   const std::size_t lanes = hn::Lanes(tag);
-  const Floats height = hn::Set(tag, reference_height_m);
-  const Floats eye_a = hn::Add(hn::LoadU(tag, observers), height);
-  const Floats eye_b = hn::Add(hn::LoadU(tag, observers + lanes), height);
+  const Floats eye_a = hn::LoadU(tag, eyes_m);
+  const Floats eye_b = hn::LoadU(tag, eyes_m + lanes);
   Floats greatest_a = hn::Set(tag, kUnknownSlope);
   Floats greatest_b = greatest_a;
   Floats seen_a = hn::Zero(tag);
@@ -30,7 +29,7 @@ HWY_NOINLINE void add_ray(const float* HWY_RESTRICT observers, const Ray& ray,
   Floats known_a = seen_a;
   Floats known_b = seen_a;
   for (const RaySample& sample : ray.samples) {
-    const float* HWY_RESTRICT left = observers + sample.offset;
+    const float* HWY_RESTRICT left = ground_m + sample.offset;
     const Floats fraction = hn::Set(tag, sample.fraction);
     const Floats inverse_distance = hn::Set(tag, sample.inverse_distance_1pm);
     const Floats weight = hn::Set(tag, sample.weight);
@@ -62,16 +61,16 @@ HWY_NOINLINE void add_ray(const float* HWY_RESTRICT observers, const Ray& ray,
   }
 }
 
-void add_seen_kernel(const float* observers, int count, const std::vector<Ray>& rays,
-                     float reference_height_m, std::int32_t* seen, std::int32_t* known) {
+void add_seen_kernel(const float* ground_m, const float* eyes_m, int count,
+                     const std::vector<Ray>& rays, std::int32_t* seen, std::int32_t* known) {
   const FloatTag tag;
   const int step = 2 * static_cast<int>(hn::Lanes(tag));
   for (const Ray& ray : rays) {
     for (int i = 0; i < count; i += step) {
       if (known == nullptr) {
-        add_ray<false>(observers + i, ray, reference_height_m, seen + i, nullptr);
+        add_ray<false>(ground_m + i, eyes_m + i, ray, seen + i, nullptr);
       } else {
-        add_ray<true>(observers + i, ray, reference_height_m, seen + i, known + i);
+        add_ray<true>(ground_m + i, eyes_m + i, ray, seen + i, known + i);
       }
     }
   }
@@ -85,10 +84,9 @@ namespace hedgehop::preparation {
 
 HWY_EXPORT(add_seen_kernel);
 
-void add_seen(const float* observers, int count, const std::vector<Ray>& rays,
-              float reference_height_m, std::int32_t* seen, std::int32_t* known) {
-  HWY_DYNAMIC_DISPATCH(add_seen_kernel)
-  (observers, count, rays, reference_height_m, seen, known);
+void add_seen(const float* ground_m, const float* eyes_m, int count, const std::vector<Ray>& rays,
+              std::int32_t* seen, std::int32_t* known) {
+  HWY_DYNAMIC_DISPATCH(add_seen_kernel)(ground_m, eyes_m, count, rays, seen, known);
 }
 
 }  // namespace hedgehop::preparation

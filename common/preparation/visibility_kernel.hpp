@@ -26,10 +26,11 @@ struct Ray {
   std::vector<RaySample> samples;  // outwards
 };
 
-/// Adds, for `count` observers in a row from `observers` on, the weights of the samples they see to
-/// `seen`, and of those that are known to `known` unless it is null. Both have room for kLanesMax
+/// Adds, for `count` observers in a row from `ground_m` on, the weights of the samples they see to
+/// `seen`, and of those that are known to `known` unless it is null. The eye of the first is at
+/// `eyes_m[0]`. All but `ground_m`, which stands in its padded raster, have room for kLanesMax
 /// more.
-void add_seen(const float* observers, int count, const std::vector<Ray>& rays,
-              float reference_height_m, std::int32_t* seen, std::int32_t* known);
+void add_seen(const float* ground_m, const float* eyes_m, int count, const std::vector<Ray>& rays,
+              std::int32_t* seen, std::int32_t* known);
 
 }  // namespace hedgehop::preparation

@@ -1,0 +1,254 @@
+#include "map/map_description.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+
+namespace hedgehop::map {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number_or_null(double value, double step) {
+  return std::isnan(value) ? Json(nullptr) : Json(std::round(value / step) * step);
+}
+
+Json statistics_of(const Map& map) {
+  double lowest_m = std::numeric_limits<double>::infinity();
+  double highest_m = -lowest_m;
+  double highest_surface_m = -lowest_m;
+  double visibility_sum = 0.0;
+  std::int64_t known = 0;
+  std::int64_t visibility_known = 0;
+  for (std::size_t i = 0; i < map.terrain_m.values().size(); ++i) {
+    const float terrain_m = map.terrain_m.values()[i];
+    if (!std::isnan(terrain_m)) {
+      ++known;
+      lowest_m = std::min(lowest_m, static_cast<double>(terrain_m));
+      highest_m = std::max(highest_m, static_cast<double>(terrain_m));
+      highest_surface_m =
+          std::max(highest_surface_m, static_cast<double>(map.surface_m.values()[i]));
+    }
+    const double share = visibility_share(map.visibility.values()[i]);
+    if (!std::isnan(share)) {
+      visibility_sum += share;
+      ++visibility_known;
+    }
+  }
+  const auto cells = static_cast<double>(map.geometry.cell_count());
+  Json statistics;
+  if (known > 0) {
+    statistics["lowest_terrain_m"] = lowest_m;
+    statistics["highest_terrain_m"] = highest_m;
+    statistics["highest_surface_m"] = highest_surface_m;
+  }
+  statistics["void_share"] = number_or_null((cells - static_cast<double>(known)) / cells, 1e-6);
+  if (visibility_known > 0) {
+    statistics["mean_visibility"] =
+        number_or_null(visibility_sum / static_cast<double>(visibility_known), 1e-6);
+  }
+  Json shares = Json::object();
+  for (const SemanticName& name : semantic_names()) {
+    const auto count = std::count_if(
+        map.semantics.values().begin(), map.semantics.values().end(),
+        [&](std::uint16_t bits) { return (bits & static_cast<std::uint16_t>(name.bit)) != 0; });
+    shares[std::string(name.name)] = number_or_null(static_cast<double>(count) / cells, 1e-6);
+  }
+  statistics["class_shares"] = std::move(shares);
+  return statistics;
+}
+
+Json parsed(const std::string& manifest_json) {
+  Json manifest = Json::parse(manifest_json, nullptr, false);
+  if (!manifest.is_object()) {
+    throw DataError("the map's manifest is not a JSON object", "prepare the map again");
+  }
+  return manifest;
+}
+
+// Manifests come from files, so that nothing in them can be taken for granted.
+std::string text_at(const Json& object, const char* key) {
+  const auto entry = object.find(key);
+  if (entry == object.end() || entry->is_null()) {
+    return "-";
+  }
+  return entry->is_string() ? entry->get<std::string>()
+                            : entry->dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string percent(const Json& share) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1)
+       << 100.0 * (share.is_number() ? share.get<double>() : 0.0) << " %";
+  return text.str();
+}
+
+std::string box_text(const Json& box) {
+  return text_at(box, "west") + "," + text_at(box, "south") + "," + text_at(box, "east") + "," +
+         text_at(box, "north") + " (W,S,E,N)";
+}
+
+struct Place {
+  geo::MapPoint point;
+  raster::CellIndex cell;
+  double convergence_rad = 0.0;
+};
+
+Place place_of(const Map& map, const geo::GeodeticPosition& position) {
+  if (map.crs_wkt.empty()) {
+    throw DataError("this map has no coordinate system, so it knows no latitude and longitude");
+  }
+  const geo::MapProjection projection(map.crs_wkt);
+  Place place;
+  place.point = projection.to_map(position);
+  if (!map.geometry.contains(place.point)) {
+    std::ostringstream what;
+    what << std::fixed << std::setprecision(5) << degrees_from_radians(position.latitude_rad) << ","
+         << degrees_from_radians(position.longitude_rad) << " lies outside the map";
+    throw DataError(what.str(), "`hedgehop info` without --at tells what the map covers");
+  }
+  place.cell = map.geometry.cell_at(place.point);
+  place.convergence_rad = projection.convergence_rad(place.point);
+  return place;
+}
+
+}  // namespace
+
+std::string map_description_json(const Map& map, const std::string& manifest_json) {
+  Json description = parsed(manifest_json);
+  description["statistics"] = statistics_of(map);
+  return description.dump(2, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string map_description_text(const Map& map, const std::string& manifest_json) {
+  const Json manifest = parsed(manifest_json);
+  const Json statistics = statistics_of(map);
+  std::ostringstream text;
+  const auto line = [&](const char* what, const std::string& value) {
+    text << std::left << std::setw(18) << what << value << "\n";
+  };
+  if (!map.label.empty()) {
+    line("label", map.label);
+  }
+  line("map hash", map.hash.hex());
+  if (manifest.contains("extent_deg") && manifest["extent_deg"].is_object()) {
+    line("covers", box_text(manifest["extent_deg"]));
+  }
+  std::ostringstream size;
+  size << map.geometry.columns << " x " << map.geometry.rows << " cells of " << map.geometry.cell_m
+       << " m, " << std::fixed << std::setprecision(1)
+       << map.geometry.columns * map.geometry.cell_m / 1000.0 << " x "
+       << map.geometry.rows * map.geometry.cell_m / 1000.0 << " km";
+  line("size", size.str());
+  line("coordinates", map.crs_wkt.empty() ? "none" : text_at(manifest, "crs_code"));
+  line("heights", "above mean sea level, " + map.vertical_datum);
+  if (statistics.contains("lowest_terrain_m")) {
+    std::ostringstream heights;
+    heights << std::fixed << std::setprecision(0) << statistics["lowest_terrain_m"].get<double>()
+            << " to " << statistics["highest_terrain_m"].get<double>() << " m, surface up to "
+            << statistics["highest_surface_m"].get<double>() << " m";
+    line("terrain", heights.str());
+  }
+  line("without elevation", percent(statistics["void_share"]));
+  if (statistics.contains("mean_visibility")) {
+    std::ostringstream visibility;
+    visibility << percent(statistics["mean_visibility"]) << " of the ground within "
+               << map.visibility_radius_m / 1000.0 << " km sees " << map.reference_height_m
+               << " m above the surface, on average";
+    line("visibility", visibility.str());
+  }
+  if (manifest.contains("mapped_extent_deg") && manifest["mapped_extent_deg"].is_array()) {
+    for (const Json& box : manifest["mapped_extent_deg"]) {
+      line("land use mapped", box.is_object() ? box_text(box) : "-");
+    }
+  }
+  for (const SemanticName& name : semantic_names()) {
+    const Json& share = statistics["class_shares"][std::string(name.name)];
+    if (share.get<double>() > 0.0) {
+      line(("  " + std::string(name.name)).c_str(), percent(share));
+    }
+  }
+  line("power lines", std::to_string(map.power_lines.size()));
+  if (manifest.contains("guessed_height_share")) {
+    line("guessed heights", percent(manifest["guessed_height_share"]) + " of all objects");
+  }
+  if (manifest.contains("inputs") && manifest["inputs"].is_array()) {
+    for (const Json& input : manifest["inputs"]) {
+      if (input.is_object()) {
+        line("made from", text_at(input, "name") + " (" + text_at(input, "kind") + ", " +
+                              text_at(input, "bytes") + " bytes)");
+      }
+    }
+  }
+  line("made by", text_at(manifest, "tool") + " " + text_at(manifest, "tool_version"));
+  for (const std::string& attribution : map.attributions) {
+    line("attribution", attribution);
+  }
+  return text.str();
+}
+
+std::string place_description_json(const Map& map, const geo::GeodeticPosition& position) {
+  const Place place = place_of(map, position);
+  const double terrain_m = static_cast<double>(map.terrain_m.at(place.cell));
+  const double surface_m = static_cast<double>(map.surface_m.at(place.cell));
+  Json result;
+  result["latitude_deg"] = number_or_null(degrees_from_radians(position.latitude_rad), 1e-8);
+  result["longitude_deg"] = number_or_null(degrees_from_radians(position.longitude_rad), 1e-8);
+  result["x_m"] = place.point.x_m;
+  result["y_m"] = place.point.y_m;
+  result["column"] = place.cell.column;
+  result["row_from_south"] = place.cell.row;
+  result["convergence_deg"] = number_or_null(degrees_from_radians(place.convergence_rad), 1e-6);
+  result["terrain_m"] = std::isnan(terrain_m) ? Json(nullptr) : Json(terrain_m);
+  result["surface_m"] = std::isnan(surface_m) ? Json(nullptr) : Json(surface_m);
+  result["surface_above_terrain_m"] =
+      std::isnan(terrain_m) ? Json(nullptr) : Json(surface_m - terrain_m);
+  Json classes = Json::array();
+  for (const SemanticName& name : semantic_names()) {
+    if ((map.semantics.at(place.cell) & static_cast<std::uint16_t>(name.bit)) != 0) {
+      classes.push_back(std::string(name.name));
+    }
+  }
+  result["classes"] = std::move(classes);
+  result["visibility"] = number_or_null(visibility_share(map.visibility.at(place.cell)), 1e-6);
+  result["reference_height_m"] = map.reference_height_m;
+  return result.dump(2);
+}
+
+std::string place_description_text(const Map& map, const geo::GeodeticPosition& position) {
+  const Json place = Json::parse(place_description_json(map, position));
+  std::ostringstream text;
+  const auto line = [&](const char* what, const std::string& value) {
+    text << std::left << std::setw(18) << what << value << "\n";
+  };
+  const auto metres = [&](const char* key) {
+    std::ostringstream value;
+    if (!place[key].is_number()) {
+      return std::string("unknown");
+    }
+    value << std::fixed << std::setprecision(1) << place[key].get<double>() << " m";
+    return value.str();
+  };
+  line("place", place["latitude_deg"].dump() + "," + place["longitude_deg"].dump());
+  line("on the map", place["x_m"].dump() + " m east, " + place["y_m"].dump() + " m north");
+  line("terrain", metres("terrain_m"));
+  line("surface",
+       metres("surface_m") + " (" + metres("surface_above_terrain_m") + " above the terrain)");
+  std::string classes;
+  for (const Json& name : place["classes"]) {
+    classes += (classes.empty() ? "" : ", ") + name.get<std::string>();
+  }
+  line("land use", classes.empty() ? "none" : classes);
+  line("visibility", place["visibility"].is_number()
+                         ? percent(place["visibility"]) + " of the surroundings see a point " +
+                               place["reference_height_m"].dump() + " m above the surface"
+                         : "unknown");
+  return text.str();
+}
+
+}  // namespace hedgehop::map

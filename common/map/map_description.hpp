@@ -1,0 +1,24 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "geo/map_projection.hpp"
+#include "map/map.hpp"
+
+namespace hedgehop::map {
+
+/// What a bundle is, for people: place, size, CRS, datum, sources, unknown parts, land use,
+/// attributions. `manifest_json` is read_map_manifest() of the same bundle.
+std::string map_description_text(const Map& map, const std::string& manifest_json);
+
+/// The same as a JSON object: the manifest's entries, and "statistics" of the layers.
+std::string map_description_json(const Map& map, const std::string& manifest_json);
+
+/// What the map says about the cell that holds a place: elevations, height of what stands there,
+/// semantic classes, visibility; NaN of a layer is null in JSON and "unknown" in text.
+/// Throws DataError if the place lies outside the map or the map has no coordinate system.
+std::string place_description_text(const Map& map, const geo::GeodeticPosition& position);
+std::string place_description_json(const Map& map, const geo::GeodeticPosition& position);
+
+}  // namespace hedgehop::map

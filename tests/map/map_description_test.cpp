@@ -1,0 +1,92 @@
+#include "map/map_description.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+#include "support/test_map.hpp"
+
+namespace hedgehop::map {
+namespace {
+
+using testing::HasSubstr;
+
+// 40 x 40 cells of 30 m; the middle of its south-western cell lies on 9 E, at the equator + 15 m.
+Map map_at_the_equator() {
+  Map map = test::make_map(40, 40, 30.0, [](double x_m, double y_m) { return 100.0 + x_m + y_m; });
+  map.geometry.west_m = 500000.0 - 15.0;
+  const auto move = [&](auto& grid) {
+    auto values = grid.values();
+    grid = std::decay_t<decltype(grid)>(map.geometry, 0);
+    grid.values() = values;
+  };
+  move(map.terrain_m);
+  move(map.surface_m);
+  move(map.semantics);
+  move(map.visibility);
+  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
+  map.surface_m.at(0, 0) += 25.0F;
+  map.semantics.at(0, 0) = static_cast<std::uint16_t>(SemanticClass::kForest) |
+                           static_cast<std::uint16_t>(SemanticClass::kPowerLine);
+  map.visibility.at(0, 0) = test::stored_visibility(0.25);
+  map.terrain_m.at(1, 0) = map.surface_m.at(1, 0) = std::numeric_limits<float>::quiet_NaN();
+  map.visibility.at(1, 0) = kVisibilityUnknown;
+  test::finish_map(map);
+  return map;
+}
+
+geo::GeodeticPosition at_deg(double latitude_deg, double longitude_deg) {
+  return {radians_from_degrees(latitude_deg), radians_from_degrees(longitude_deg)};
+}
+
+TEST(MapDescription, SaysWhatLiesAtAPlace) {
+  const Map map = map_at_the_equator();
+  const auto place = nlohmann::json::parse(place_description_json(map, at_deg(0.0001, 9.0)));
+  EXPECT_EQ(place["column"], 0);
+  EXPECT_EQ(place["row_from_south"], 0);
+  EXPECT_EQ(place["terrain_m"], 130.0);
+  EXPECT_EQ(place["surface_above_terrain_m"], 25.0);
+  EXPECT_EQ(place["classes"], nlohmann::json({"forest", "power_line"}));
+  EXPECT_NEAR(place["visibility"].get<double>(), 0.25, 1e-4);
+  EXPECT_THAT(place_description_text(map, at_deg(0.0001, 9.0)), HasSubstr("forest, power_line"));
+}
+
+TEST(MapDescription, UnknownIsNullAndNeverANumber) {
+  const Map map = map_at_the_equator();
+  // 30 m are 0.00027 degrees.
+  const auto place = nlohmann::json::parse(place_description_json(map, at_deg(0.0001, 9.00027)));
+  EXPECT_EQ(place["column"], 1);
+  EXPECT_TRUE(place["terrain_m"].is_null());
+  EXPECT_TRUE(place["surface_above_terrain_m"].is_null());
+  EXPECT_TRUE(place["visibility"].is_null());
+  EXPECT_THAT(place_description_text(map, at_deg(0.0001, 9.00027)), HasSubstr("unknown"));
+}
+
+TEST(MapDescription, RefusesAPlaceOutsideTheMapOrAMapWithoutCoordinates) {
+  EXPECT_THROW(place_description_json(map_at_the_equator(), at_deg(1.0, 9.0)), DataError);
+  const Map bare = test::make_map(3, 3, 30.0, [](double, double) { return 0.0; });
+  EXPECT_THROW(place_description_text(bare, at_deg(0.0, 9.0)), DataError);
+}
+
+TEST(MapDescription, CountsVoidsAndClasses) {
+  const Map map = map_at_the_equator();
+  const auto description = nlohmann::json::parse(map_description_json(map, R"({"tool": "x"})"));
+  EXPECT_EQ(description["tool"], "x");
+  EXPECT_NEAR(description["statistics"]["void_share"].get<double>(), 1.0 / 1600.0, 1e-6);
+  EXPECT_NEAR(description["statistics"]["class_shares"]["forest"].get<double>(), 1.0 / 1600.0,
+              1e-6);
+  EXPECT_EQ(description["statistics"]["class_shares"]["village"].get<double>(), 0.0);
+}
+
+TEST(MapDescription, SurvivesAManifestOfSurprisingTypes) {
+  const Map map = map_at_the_equator();
+  const std::string odd =
+      R"({"inputs": [3, {"name": []}], "mapped_extent_deg": ["x"], "extent_deg": 7, "tool": {}})";
+  EXPECT_THAT(map_description_text(map, odd), HasSubstr("40 x 40 cells of 30 m"));
+  EXPECT_THROW(map_description_text(map, "[]"), DataError);
+}
+
+}  // namespace
+}  // namespace hedgehop::map
