@@ -376,8 +376,8 @@ struct ElevationSource::Impl {
             raster::Grid<std::int32_t>& owner) const;
   void raise_to_samples(const Samples& samples, const OpenFile& origin,
                         const OGRSpatialReference& map_crs, bool over_bilinear, int lattice_number,
-                        const raster::Grid<std::int32_t>& owner, raster::Grid<float>& upper_m,
-                        Observer& observer) const;
+                        const raster::Grid<std::int32_t>& owner, const raster::Grid<float>& base_m,
+                        raster::Grid<float>& upper_m, Observer& observer) const;
 };
 
 std::optional<Samples> ElevationSource::Impl::read_window(const std::vector<std::size_t>& lattice,
@@ -539,12 +539,10 @@ void ElevationSource::Impl::warp(const Samples& samples, const OpenFile& origin,
 // First pass: no cell below a sample in it. Second pass (over_bilinear): where the bilinear surface
 // through the cells' centres still passes below a sample, its four cells are raised by what is
 // missing.
-void ElevationSource::Impl::raise_to_samples(const Samples& samples, const OpenFile& origin,
-                                             const OGRSpatialReference& map_crs, bool over_bilinear,
-                                             int lattice_number,
-                                             const raster::Grid<std::int32_t>& owner,
-                                             raster::Grid<float>& upper_m,
-                                             Observer& observer) const {
+void ElevationSource::Impl::raise_to_samples(
+    const Samples& samples, const OpenFile& origin, const OGRSpatialReference& map_crs,
+    bool over_bilinear, int lattice_number, const raster::Grid<std::int32_t>& owner,
+    const raster::Grid<float>& base_m, raster::Grid<float>& upper_m, Observer& observer) const {
   const auto to_map = transformation(origin.crs, map_crs, origin.path);
   const raster::GridGeometry& g = upper_m.geometry();
   const auto width = static_cast<std::size_t>(samples.columns);
@@ -580,7 +578,7 @@ void ElevationSource::Impl::raise_to_samples(const Samples& samples, const OpenF
       const int low_row = std::clamp(static_cast<int>(std::floor(v)), 0, g.rows - 1);
       const int high_column = std::clamp(static_cast<int>(std::floor(u)) + 1, 0, g.columns - 1);
       const int high_row = std::clamp(static_cast<int>(std::floor(v)) + 1, 0, g.rows - 1);
-      const double surface_m = raster::sample_bilinear(upper_m, {x[i], y[i]});
+      const double surface_m = raster::sample_bilinear(base_m, {x[i], y[i]});
       const double missing_m = static_cast<double>(sample_m) - surface_m;
       if (!(missing_m > 0.0)) {
         continue;
@@ -588,12 +586,9 @@ void ElevationSource::Impl::raise_to_samples(const Samples& samples, const OpenF
       std::array<raster::CellIndex, 4> corners = {
           raster::CellIndex{low_column, low_row}, raster::CellIndex{high_column, low_row},
           raster::CellIndex{low_column, high_row}, raster::CellIndex{high_column, high_row}};
-      for (std::size_t c = 0; c < corners.size(); ++c) {
-        if (std::find(corners.begin(), corners.begin() + static_cast<std::ptrdiff_t>(c),
-                      corners[c]) == corners.begin() + static_cast<std::ptrdiff_t>(c)) {
-          float& value_m = upper_m.at(corners[c]);
-          value_m = rounded_up(static_cast<double>(value_m) + missing_m);
-        }
+      for (const raster::CellIndex corner : corners) {
+        upper_m.at(corner) = std::max(
+            upper_m.at(corner), rounded_up(static_cast<double>(base_m.at(corner)) + missing_m));
       }
     }
   }
@@ -665,11 +660,12 @@ ElevationLayers ElevationSource::on_grid(const raster::GridGeometry& geometry,
   }
   layers.upper_terrain_m = layers.terrain_m;
   for (const bool over_bilinear : {false, true}) {
+    const raster::Grid<float> base_m = layers.upper_terrain_m;
     for (std::size_t i = 0; i < impl_->lattices.size(); ++i) {
       if (windows[i]) {
         impl_->raise_to_samples(*windows[i], impl_->files[impl_->lattices[i].front()], map_crs,
-                                over_bilinear, static_cast<int>(i), owner, layers.upper_terrain_m,
-                                observer);
+                                over_bilinear, static_cast<int>(i), owner, base_m,
+                                layers.upper_terrain_m, observer);
       }
     }
   }

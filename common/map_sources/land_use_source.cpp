@@ -7,6 +7,7 @@
 #include <osmium/area/assembler_legacy.hpp>
 #include <osmium/area/multipolygon_manager.hpp>
 #include <osmium/area/multipolygon_manager_legacy.hpp>
+#include <osmium/handler/check_order.hpp>
 #include <osmium/handler/node_locations_for_ways.hpp>
 #include <osmium/index/map/flex_mem.hpp>
 #include <osmium/io/bzip2_compression.hpp>
@@ -297,9 +298,18 @@ class Collector {
 
 struct CollectorHandler : osmium::handler::Handler {
   explicit CollectorHandler(Collector& collector_) : collector(collector_) {}
-  void node(const osmium::Node& node) { collector.node(node); }
-  void way(const osmium::Way& way) { collector.way(way); }
+  void node(const osmium::Node& node) {
+    if (had_way) {
+      throw osmium::out_of_order_error("a node stands behind a way", node.id());
+    }
+    collector.node(node);
+  }
+  void way(const osmium::Way& way) {
+    had_way = true;
+    collector.way(way);
+  }
   Collector& collector;
+  bool had_way = false;
 };
 
 using NewStyle = osmium::area::MultipolygonManager<osmium::area::Assembler>;

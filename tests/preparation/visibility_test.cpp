@@ -78,11 +78,11 @@ TEST(Visibility, AgreesWithBruteForceLinesOfSight) {
   const unsigned seed = device();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const VisibilityOptions options{2500.0, 15.24, 180};
-  const raster::Grid<float> surface_m = hills(240, 220, 30.0, seed);
+  const VisibilityOptions options{5000.0, 15.24, 180};
+  const raster::Grid<float> surface_m = hills(420, 410, 30.0, seed);
   SilentObserver observer;
   std::vector<double> errors;
-  for (int i = 0; i < 60; ++i) {
+  for (int i = 0; i < 40; ++i) {
     const raster::CellIndex cell{static_cast<int>(random() % 240),
                                  static_cast<int>(random() % 220)};
     const auto stored = visibility_of_block(surface_m, surface_m, cell, 1, 1, options, 1, observer);
@@ -95,8 +95,8 @@ TEST(Visibility, AgreesWithBruteForceLinesOfSight) {
     mean += error / static_cast<double>(errors.size());
   }
   RecordProperty("mean_error", std::to_string(mean));
-  EXPECT_LE(mean, 0.001);
-  EXPECT_LE(errors[56], 0.003);
+  EXPECT_LE(mean, 0.001) << "greatest " << errors.back();
+  EXPECT_LE(errors[37], 0.003);
 }
 
 TEST(Visibility, AgreesWithTheViewshedOfGdal) {

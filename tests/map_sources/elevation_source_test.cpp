@@ -1,0 +1,281 @@
+#include "map_sources/elevation_source.hpp"
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <random>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+#include "geo/map_projection.hpp"
+#include "support/elevation_files.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace hedgehop::map_sources {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+const std::string& utm32() {
+  static const std::string kWkt = geo::MapProjection("EPSG:32632").wkt();
+  return kWkt;
+}
+
+ElevationLayers layers_of(const std::vector<fs::path>& files, const raster::GridGeometry& geometry,
+                          int threads = 1) {
+  SilentObserver observer;
+  return ElevationSource(files).on_grid(geometry, utm32(), threads, observer);
+}
+
+template <typename Call>
+std::string refusal_of(const Call& call) {
+  try {
+    call();
+  } catch (const DataError& error) {
+    EXPECT_NE(error.hint(), "") << error.what();
+    return error.what();
+  }
+  return "";
+}
+
+void write_bytes(const fs::path& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+// A tile of 1201 x 1201 big-endian samples, from the north-western corner.
+std::string hgt_bytes(const std::function<int(int column, int row)>& height) {
+  std::string bytes;
+  for (int row = 0; row < 1201; ++row) {
+    for (int column = 0; column < 1201; ++column) {
+      const auto value = static_cast<std::uint16_t>(height(column, row));
+      bytes.push_back(static_cast<char>(value >> 8));
+      bytes.push_back(static_cast<char>(value & 255));
+    }
+  }
+  return bytes;
+}
+
+class ElevationFiles : public testing::Test {
+ protected:
+  test::TemporaryFolder folder_;
+  fs::path path(const std::string& name) const { return folder_.path() / name; }
+};
+
+TEST_F(ElevationFiles, APlaneInMapCoordinatesStaysThatPlane) {
+  test::write_raster(
+      path("plane.tif"), {"EPSG:32632", 500000.0, 5540000.0, 20.0, 200, 200, -9999.0, ""},
+      [](double x, double y) { return 0.01 * (x - 500000.0) + 0.02 * (y - 5536000.0); });
+  const raster::GridGeometry g{500400.0, 5536400.0, 30.0, 80, 90};
+  const ElevationLayers layers = layers_of({path("plane.tif")}, g);
+  for (int row = 0; row < g.rows; ++row) {
+    for (int column = 0; column < g.columns; ++column) {
+      const geo::MapPoint centre = g.centre({column, row});
+      const double expected_m = 0.01 * (centre.x_m - 500000.0) + 0.02 * (centre.y_m - 5536000.0);
+      // 1/128 m of rounding; where samples and cells are out of step the kernel's weights are a
+      // little one-sided: a tenth of a sample, 2 m, at a slope of 0.022.
+      EXPECT_NEAR(layers.terrain_m.at(column, row), expected_m, 0.06);
+      // No sample of the cell is further from its centre than 15 m in each direction.
+      EXPECT_LE(layers.upper_terrain_m.at(column, row), expected_m + 0.45 + 0.06);
+      EXPECT_EQ(layers.terrain_m.at(column, row) * 64.0F,
+                std::floor(layers.terrain_m.at(column, row) * 64.0F));
+    }
+  }
+}
+
+TEST_F(ElevationFiles, ASpikeInATileKeepsItsPlaceWithinHalfACell) {
+  // The sample of N49E011 at column 600, row 480 lies at 11.5 E, 49.6 N.
+  write_bytes(path("N49E011.hgt"), hgt_bytes([](int column, int row) {
+                return column == 600 && row == 480 ? 900 : 300;
+              }));
+  const geo::MapProjection projection("EPSG:32632");
+  const geo::MapPoint spike =
+      projection.to_map({radians_from_degrees(49.6), radians_from_degrees(11.5)});
+  const raster::GridGeometry g{std::floor(spike.x_m / 30.0) * 30.0 - 900.0,
+                               std::floor(spike.y_m / 30.0) * 30.0 - 900.0, 30.0, 60, 60};
+  const ElevationLayers layers = layers_of({path("N49E011.hgt")}, g);
+  const raster::CellIndex cell = g.cell_at(spike);
+  EXPECT_GE(layers.upper_terrain_m.at(cell), 900.0F);
+  EXPECT_GE(raster::sample_bilinear(layers.upper_terrain_m, spike), 900.0);
+  EXPECT_EQ(layers.terrain_m.at(cell.column + 8, cell.row), 300.0F);
+  EXPECT_EQ(layers.upper_terrain_m.at(cell.column, cell.row - 8), 300.0F);
+}
+
+TEST_F(ElevationFiles, NeitherACellNorTheSurfaceBetweenCellsFallsBelowASample) {
+  std::random_device device;
+  const unsigned seed = device();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  for (const double step_m : {7.0, 30.0, 77.0}) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> height_m(100.0, 160.0);
+    const int size = static_cast<int>(2400.0 / step_m);
+    std::vector<std::pair<geo::MapPoint, double>> samples;
+    test::write_raster(path("rough.tif"),
+                       {"EPSG:32632", 500003.0, 5540011.0, step_m, size, size, -9999.0, ""},
+                       [&](double x, double y) {
+                         const double z = static_cast<double>(static_cast<float>(height_m(random)));
+                         samples.push_back({{x, y}, z});
+                         return z;
+                       });
+    const raster::GridGeometry g{500600.0, 5538400.0, 30.0, 30, 30};
+    const ElevationLayers layers = layers_of({path("rough.tif")}, g);
+    int tested = 0;
+    for (const auto& [point, z] : samples) {
+      if (g.contains(point)) {
+        EXPECT_GE(layers.upper_terrain_m.at(g.cell_at(point)), z);
+        EXPECT_GE(raster::sample_bilinear(layers.upper_terrain_m, point), z - 1e-9);
+        ++tested;
+      }
+    }
+    EXPECT_GT(tested, 100);
+    for (std::size_t i = 0; i < g.cell_count(); ++i) {
+      EXPECT_GE(layers.upper_terrain_m.values()[i], layers.terrain_m.values()[i]);
+    }
+  }
+}
+
+TEST_F(ElevationFiles, VoidsAreUnknownAndNeverAHeight) {
+  test::write_raster(path("void.tif"), {"EPSG:32632", 500000.0, 5540000.0, 30.0, 60, 60, 0.0, ""},
+                     [](double x, double) {
+                       if (x < 500300.0) {
+                         return 0.0;  // the file's no-data value
+                       }
+                       if (x < 500600.0) {
+                         return -32768.0;
+                       }
+                       if (x < 500900.0) {
+                         return std::nan("");
+                       }
+                       return x < 501200.0 ? 1e20 : 250.0;
+                     });
+  const ElevationLayers layers = layers_of({path("void.tif")}, {500000.0, 5538200.0, 30.0, 60, 60});
+  for (int column = 0; column < 60; ++column) {
+    const float value_m = layers.terrain_m.at(column, 30);
+    if (column < 39) {
+      EXPECT_TRUE(std::isnan(value_m)) << column << " " << value_m;
+    } else if (column > 40) {
+      EXPECT_EQ(value_m, 250.0F);
+      EXPECT_EQ(layers.upper_terrain_m.at(column, 30), 250.0F);
+    }
+  }
+}
+
+TEST_F(ElevationFiles, NeighbouringTilesJoinWithoutASeam) {
+  const auto height = [](double x, double y) {
+    return 0.05 * (x - 500000.0) + 0.03 * (y - 5530000.0);
+  };
+  test::write_raster(path("w.tif"), {"EPSG:32632", 500000.0, 5540000.0, 90.0, 30, 30, -9999.0, ""},
+                     height);
+  test::write_raster(path("e.tif"), {"EPSG:32632", 502700.0, 5540000.0, 90.0, 30, 30, -9999.0, ""},
+                     height);
+  const ElevationLayers layers =
+      layers_of({path("w.tif"), path("e.tif")}, {501500.0, 5538000.0, 30.0, 80, 40});
+  for (int column = 0; column < 80; ++column) {
+    const double x_m = 501500.0 + (column + 0.5) * 30.0;
+    EXPECT_NEAR(layers.terrain_m.at(column, 20), height(x_m, 5538000.0 + 20.5 * 30.0), 0.02);
+  }
+}
+
+TEST_F(ElevationFiles, TheFirstFileWinsAndTheSecondFillsItsVoids) {
+  test::write_raster(path("a.tif"),
+                     {"EPSG:32632", 500000.0, 5540000.0, 10.0, 100, 100, -9999.0, ""},
+                     [](double x, double) { return x < 500500.0 ? 100.0 : -9999.0; });
+  test::write_raster(path("b.tif"), {"EPSG:4326", 8.98, 50.03, 0.0005, 100, 100, -9999.0, ""},
+                     [](double, double) { return 400.0; });
+  const ElevationLayers layers =
+      layers_of({path("a.tif"), path("b.tif")}, {500000.0, 5539000.0, 20.0, 50, 50});
+  EXPECT_EQ(layers.terrain_m.at(5, 25), 100.0F);
+  EXPECT_EQ(layers.upper_terrain_m.at(5, 25), 100.0F);
+  EXPECT_EQ(layers.terrain_m.at(45, 25), 400.0F);
+}
+
+TEST_F(ElevationFiles, FeetBecomeMetres) {
+  test::write_raster(path("feet.tif"),
+                     {"EPSG:32632", 500000.0, 5540000.0, 30.0, 40, 40, -9999.0, "ft"},
+                     [](double, double) { return 1000.0; });
+  const ElevationLayers layers = layers_of({path("feet.tif")}, {500300.0, 5539100.0, 30.0, 5, 5});
+  EXPECT_NEAR(layers.terrain_m.at(2, 2), 304.8, 1.0 / 64.0);
+}
+
+TEST_F(ElevationFiles, ThreadsChangeNoByte) {
+  test::write_raster(
+      path("t.tif"), {"EPSG:4326", 11.0, 50.2, 0.0003, 900, 700, -9999.0, ""},
+      [](double x, double y) { return 300.0 + 80.0 * std::sin(900.0 * x) * std::cos(700.0 * y); });
+  const raster::GridGeometry g{645000.0, 5545000.0, 30.0, 500, 450};
+  const ElevationLayers one = layers_of({path("t.tif")}, g, 1);
+  const ElevationLayers four = layers_of({path("t.tif")}, g, 4);
+  for (std::size_t i = 0; i < g.cell_count(); ++i) {
+    ASSERT_TRUE(one.terrain_m.values()[i] == four.terrain_m.values()[i] ||
+                (std::isnan(one.terrain_m.values()[i]) && std::isnan(four.terrain_m.values()[i])));
+    ASSERT_TRUE(one.upper_terrain_m.values()[i] == four.upper_terrain_m.values()[i] ||
+                std::isnan(one.upper_terrain_m.values()[i]));
+  }
+}
+
+TEST_F(ElevationFiles, RefusalsSayWhatIsWrongWithWhichFile) {
+  const auto open = [](const fs::path& file) {
+    return refusal_of([&] { ElevationSource source({file}); });
+  };
+  EXPECT_THAT(open(path("nowhere.tif")), HasSubstr("nowhere.tif: no such file"));
+  EXPECT_THAT(open(folder_.path()), HasSubstr("is not a file"));
+  write_bytes(path("text.tif"), "this is no raster");
+  EXPECT_THAT(open(path("text.tif")), HasSubstr("is not a raster"));
+  write_bytes(path("foo.hgt"), hgt_bytes([](int, int) { return 1; }));
+  EXPECT_THAT(open(path("foo.hgt")), HasSubstr("does not say where the tile lies"));
+  write_bytes(path("N49E011.hgt"), "short");
+  EXPECT_THAT(open(path("N49E011.hgt")), HasSubstr("is not a raster"));
+  write_bytes(path("N50E011.hgt.zip"), std::string("PK\x03\x04 cut off", 12));
+  EXPECT_THAT(open(path("N50E011.hgt.zip")), HasSubstr("zip"));
+  test::write_raster(path("no_crs.tif"), {"", 0.0, 0.0, 1.0, 10, 10, -9999.0, ""},
+                     [](double, double) { return 1.0; });
+  EXPECT_THAT(open(path("no_crs.tif")), HasSubstr("no coordinate system"));
+  test::write_raster(path("fathoms.tif"),
+                     {"EPSG:32632", 500000.0, 5540000.0, 30.0, 10, 10, -9999.0, "fathom"},
+                     [](double, double) { return 1.0; });
+  EXPECT_THAT(open(path("fathoms.tif")), HasSubstr("'fathom'"));
+  EXPECT_THROW(ElevationSource({}), UsageError);
+}
+
+TEST_F(ElevationFiles, StopsWhenAsked) {
+  class Stopped final : public Observer {
+   public:
+    void progress(std::string_view, double, double) override {}
+    void note(std::string_view) override {}
+    [[nodiscard]] bool stop_requested() const override { return true; }
+  } observer;
+  test::write_raster(path("a.tif"), {"EPSG:32632", 500000.0, 5540000.0, 30.0, 40, 40, -9999.0, ""},
+                     [](double, double) { return 1.0; });
+  const ElevationSource source({path("a.tif")});
+  EXPECT_THROW((void)source.on_grid({500000.0, 5539000.0, 30.0, 9, 9}, utm32(), 1, observer),
+               Interrupted);
+}
+
+TEST(ElevationOfRealTiles, ZippedTilesOfNorthernBavariaOpen) {
+  const char* data = std::getenv("HEDGEHOP_DATA");
+  const fs::path folder = fs::path(data == nullptr ? "../shared/data" : data) / "bayreuth";
+  if (!fs::exists(folder / "N49E011.hgt.zip")) {
+    GTEST_SKIP() << "no real data in " << folder.string();
+  }
+  const ElevationSource source({folder / "N49E011.hgt.zip", folder / "N50E011.hgt.zip"});
+  EXPECT_EQ(source.files()[0].format, "SRTMHGT");
+  EXPECT_NEAR(degrees_from_radians(source.extent().north_rad), 51.0004167, 1e-6);
+  // Across the seam at 50 N heights must run on: no step beyond what the relief of 90 m samples
+  // has.
+  const raster::GridGeometry g{680000.0, 5539000.0, 30.0, 200, 100};
+  SilentObserver observer;
+  const ElevationLayers layers = source.on_grid(g, utm32(), 2, observer);
+  double greatest_step_m = 0.0;
+  for (int row = 0; row + 1 < g.rows; ++row) {
+    for (int column = 0; column < g.columns; ++column) {
+      greatest_step_m = std::max(
+          greatest_step_m, std::fabs(static_cast<double>(layers.terrain_m.at(column, row + 1)) -
+                                     static_cast<double>(layers.terrain_m.at(column, row))));
+    }
+  }
+  EXPECT_LT(greatest_step_m, 30.0);
+}
+
+}  // namespace
+}  // namespace hedgehop::map_sources

@@ -1,0 +1,406 @@
+#include "preparation/prepare.hpp"
+
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <fstream>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+#include "base/files.hpp"
+#include "base/shipped_config.hpp"
+#include "map/map_bundle.hpp"
+#include "support/elevation_files.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace hedgehop::preparation {
+namespace {
+
+namespace fs = std::filesystem;
+using map::SemanticClass;
+using testing::HasSubstr;
+
+PrepareOptions shipped_options() {
+  ConfigReader reader = ConfigReader::from_text(shipped_config("prepare.yaml"), "prepare.yaml");
+  return PrepareOptions::read(reader);
+}
+
+geo::GeodeticBox box_deg(double west, double south, double east, double north) {
+  return {radians_from_degrees(west), radians_from_degrees(south), radians_from_degrees(east),
+          radians_from_degrees(north)};
+}
+
+bool has(const map::Map& map, raster::CellIndex cell, SemanticClass value) {
+  return (map.semantics.at(cell) & static_cast<std::uint16_t>(value)) != 0;
+}
+
+class Listener final : public Observer {
+ public:
+  explicit Listener(int stop_after = -1) : stop_after_(stop_after) {}
+  void progress(std::string_view stage, double done, double total) override {
+    EXPECT_GE(done, 0.0) << stage;
+    EXPECT_LE(done, total + 1e-9) << stage;
+    ++calls_;
+  }
+  void note(std::string_view text) override { notes += std::string(text) + "\n"; }
+  [[nodiscard]] bool stop_requested() const override {
+    return stop_after_ >= 0 && calls_ >= stop_after_;
+  }
+  [[nodiscard]] int calls() const { return calls_; }
+  std::string notes;
+
+ private:
+  int stop_after_;
+  std::atomic<int> calls_ = 0;
+};
+
+// Land use drawn on a sheet in map coordinates around (500000, 5540000), UTM zone 32.
+class Drawing {
+ public:
+  int node(double x_m, double y_m, const std::string& tags = "") {
+    const geo::GeodeticPosition p = projection_.to_geodetic({x_m, y_m});
+    char text[200];
+    std::snprintf(text, sizeof(text), "<node id=\"%d\" version=\"1\" lat=\"%.7f\" lon=\"%.7f\">",
+                  ++nodes_, degrees_from_radians(p.latitude_rad),
+                  degrees_from_radians(p.longitude_rad));
+    node_text_ += text + tags + "</node>\n";
+    return nodes_;
+  }
+  void way(const std::vector<int>& refs, const std::string& tags) {
+    way_text_ += "<way id=\"" + std::to_string(++ways_) + "\" version=\"1\">";
+    for (const int ref : refs) {
+      way_text_ += "<nd ref=\"" + std::to_string(ref) + "\"/>";
+    }
+    way_text_ += tags + "</way>\n";
+  }
+  void rectangle(double west_m, double south_m, double east_m, double north_m,
+                 const std::string& tags) {
+    const int a = node(west_m, south_m);
+    const int b = node(east_m, south_m);
+    const int c = node(east_m, north_m);
+    const int d = node(west_m, north_m);
+    way({a, b, c, d, a}, tags);
+  }
+  void write(const fs::path& path, const geo::GeodeticBox& bounds,
+             const std::string& generator = "test") const {
+    std::ofstream file(path);
+    file.precision(12);
+    file << "<?xml version=\"1.0\"?>\n<osm version=\"0.6\" generator=\"" << generator
+         << "\">\n<bounds minlat=\"" << degrees_from_radians(bounds.south_rad) << "\" minlon=\""
+         << degrees_from_radians(bounds.west_rad) << "\" maxlat=\""
+         << degrees_from_radians(bounds.north_rad) << "\" maxlon=\""
+         << degrees_from_radians(bounds.east_rad) << "\"/>\n"
+         << node_text_ << way_text_ << "</osm>\n";
+  }
+
+ private:
+  geo::MapProjection projection_{"EPSG:32632"};
+  int nodes_ = 0;
+  int ways_ = 0;
+  std::string node_text_;
+  std::string way_text_;
+};
+
+std::string tag(const std::string& key, const std::string& value) {
+  return "<tag k=\"" + key + "\" v=\"" + value + "\"/>";
+}
+
+class Prepare : public testing::Test {
+ protected:
+  Prepare() {
+    options_.visibility.radius_m = 900.0;
+    options_.visibility.azimuths = 32;
+  }
+  fs::path path(const std::string& name) const { return folder_.path() / name; }
+  // 15 x 15 km of elevation around the sheet's origin, 8.9..9.1 E.
+  fs::path elevation(const std::function<double(double, double)>& height_m) {
+    test::write_raster(path("dem.tif"),
+                       {"EPSG:32632", 492500.0, 5547500.0, 30.0, 500, 500, -9999.0, ""}, height_m);
+    return path("dem.tif");
+  }
+  PreparedMap prepared(const PrepareRequest& request) {
+    return prepare(request, options_, listener_);
+  }
+  template <typename Error = DataError>
+  std::string refusal_of(const PrepareRequest& request) {
+    try {
+      (void)prepared(request);
+    } catch (const Error& error) {
+      EXPECT_NE(error.hint(), "") << error.what();
+      return error.what();
+    }
+    return "";
+  }
+  static raster::CellIndex cell(const map::Map& map, double x_m, double y_m) {
+    return map.geometry.cell_at({x_m, y_m});
+  }
+  static double above_terrain_m(const map::Map& map, double x_m, double y_m) {
+    const raster::CellIndex c = cell(map, x_m, y_m);
+    return static_cast<double>(map.surface_m.at(c)) - static_cast<double>(map.terrain_m.at(c));
+  }
+
+  test::TemporaryFolder folder_;
+  PrepareOptions options_ = shipped_options();
+  Listener listener_;
+  geo::GeodeticBox sheet_ =
+      box_deg(8.97, 49.98, 9.03, 50.02);  // 4.3 x 4.4 km, origin near its middle
+};
+
+TEST_F(Prepare, PutsEveryObjectOnTheGroundAndEveryBitIntoItsCell) {
+  Drawing drawing;
+  // The sheet's middle: 9 E, 50 N is (500000, 5538630.7).
+  const double y = 5538630.0;
+  drawing.rectangle(500300, y, 500900, y + 600, tag("landuse", "forest") + tag("height", "30"));
+  drawing.node(499100, y + 5, tag("natural", "tree"));
+  drawing.rectangle(499403, y - 302, 499407, y - 298,
+                    tag("building", "yes") + tag("building:levels", "4"));
+  const int a = drawing.node(498900, y - 900, tag("power", "tower") + tag("height", "50"));
+  const int b = drawing.node(499800, y - 900);
+  drawing.way({a, b}, tag("power", "line"));
+  drawing.rectangle(500500, y - 1200, 500600, y - 1100, tag("natural", "water"));
+  drawing.write(path("a.osm"), sheet_);
+  const PreparedMap result = prepared({{elevation([](double, double) { return 400.0; })},
+                                       {path("a.osm")},
+                                       sheet_,
+                                       {},
+                                       "",
+                                       "",
+                                       {},
+                                       1});
+  const map::Map& map = result.map;
+
+  EXPECT_EQ(above_terrain_m(map, 500600, y + 300), 30.0);
+  EXPECT_TRUE(has(map, cell(map, 500600, y + 300), SemanticClass::kForest));
+  EXPECT_EQ(above_terrain_m(map, 500200, y + 300), 0.0);
+  EXPECT_EQ(above_terrain_m(map, 499100, y + 5), options_.default_heights.tree_m);
+  EXPECT_TRUE(has(map, cell(map, 499100, y + 5), SemanticClass::kTree));
+  // Four metres wide in a cell of 30 m: a single cell, at full height.
+  EXPECT_EQ(above_terrain_m(map, 499405, y - 300), 4 * options_.default_heights.building_level_m);
+  EXPECT_TRUE(has(map, cell(map, 499405, y - 300), SemanticClass::kVillage));
+  // From 50 m down to the default over 900 m, straight; the cell's higher end counts.
+  const double low_m = options_.default_heights.power_line_m;
+  EXPECT_GE(above_terrain_m(map, 499350, y - 900), 0.5 * (50.0 + low_m));
+  EXPECT_LE(above_terrain_m(map, 499350, y - 900),
+            0.5 * (50.0 + low_m) + 30.0 / 900.0 * 5.0 + 0.02);
+  EXPECT_TRUE(has(map, cell(map, 499350, y - 900), SemanticClass::kPowerLine));
+  EXPECT_EQ(above_terrain_m(map, 500550, y - 1150), 0.0);
+  EXPECT_TRUE(has(map, cell(map, 500550, y - 1150), SemanticClass::kWater));
+  ASSERT_EQ(map.power_lines.size(), 1U);
+  EXPECT_EQ(map.power_lines[0].poles[0].height_m, 50.0);
+  const auto provenance = nlohmann::json::parse(result.provenance_json);
+  // Tagged: forest and one support; levels: the house; guessed: the tree and the other support.
+  EXPECT_NEAR(provenance["guessed_height_share"].get<double>(), 2.0 / 5.0, 1e-6);
+}
+
+TEST_F(Prepare, NothingFliesUnderALineAcrossAValley) {
+  // A valley 200 m deep between two pylons on its rims.
+  const double y = 5538645.0;  // the middle of a row of cells
+  const auto height_m = [](double x_m, double) {
+    return std::fabs(x_m - 500000.0) < 600.0 ? 300.0 : 500.0;
+  };
+  Drawing drawing;
+  const int a = drawing.node(499200, y);
+  const int b = drawing.node(500800, y);
+  drawing.way({a, b}, tag("power", "line") + tag("height", "40"));
+  drawing.write(path("a.osm"), sheet_);
+  const map::Map map =
+      prepared({{elevation(height_m)}, {path("a.osm")}, sheet_, {}, "", "", {}, 1}).map;
+  EXPECT_NEAR(static_cast<double>(map.surface_m.at(cell(map, 500000, y))), 540.0, 0.1);
+  EXPECT_NEAR(static_cast<double>(map.surface_m.at(cell(map, 500000, y + 90))), 300.0, 0.1);
+}
+
+TEST_F(Prepare, SettlementsCloseTheirStreetsAndGetRingsBySize) {
+  const double y = 5538630.0;
+  Drawing drawing;
+  // Two quarters with a street of 40 m between: one settlement of 600 x 600 m = 36 ha.
+  drawing.rectangle(499400, y - 300, 499680, y + 300, tag("landuse", "residential"));
+  drawing.rectangle(499720, y - 300, 500000, y + 300, tag("landuse", "residential"));
+  // A farm far away.
+  drawing.rectangle(501200, y, 501300, y + 50, tag("landuse", "farmyard"));
+  drawing.write(path("a.osm"), sheet_);
+  const PreparedMap result = prepared({{elevation([](double, double) { return 400.0; })},
+                                       {path("a.osm")},
+                                       sheet_,
+                                       {},
+                                       "",
+                                       "",
+                                       {},
+                                       1});
+  const map::Map& map = result.map;
+  const auto at = [&](double x_m, SemanticClass value) {
+    return has(map, cell(map, x_m, y + 25), value);
+  };
+  EXPECT_TRUE(at(499700, SemanticClass::kSettlement));  // the street
+  EXPECT_FALSE(at(499700, SemanticClass::kBuiltUpArea));
+  EXPECT_FALSE(at(499700, SemanticClass::kVillage));
+  EXPECT_TRUE(at(500000 + 170, SemanticClass::kSettlementAdequate));
+  EXPECT_FALSE(at(500000 + 235, SemanticClass::kSettlementAdequate));
+  EXPECT_TRUE(at(500000 + 370, SemanticClass::kSettlementDesired));
+  EXPECT_FALSE(at(500000 + 435, SemanticClass::kSettlementDesired));
+  EXPECT_TRUE(at(501250, SemanticClass::kVillage));
+  EXPECT_FALSE(at(501250, SemanticClass::kSettlement));
+  EXPECT_TRUE(at(501200 - 25, SemanticClass::kVillageAdequate));
+  EXPECT_FALSE(at(501200 - 65, SemanticClass::kVillageAdequate));
+  EXPECT_TRUE(at(501200 - 55, SemanticClass::kVillageDesired));
+  EXPECT_FALSE(at(501200 - 95, SemanticClass::kVillageDesired));
+  const auto provenance = nlohmann::json::parse(result.provenance_json);
+  EXPECT_EQ(provenance["land_use_statistics"]["settlements"], 1);
+  EXPECT_EQ(provenance["land_use_statistics"]["villages"], 1);
+}
+
+TEST_F(Prepare, OutsideTheCoveredPartCellsAreUnmappedButObstaclesStayThere) {
+  const double y = 5538630.0;
+  Drawing drawing;
+  drawing.rectangle(499000, y - 500, 501800, y + 500, tag("landuse", "forest"));
+  drawing.write(path("a.osm"), box_deg(8.97, 49.98, 9.0, 50.02));  // the western half
+  const PreparedMap result = prepared({{elevation([](double, double) { return 400.0; })},
+                                       {path("a.osm")},
+                                       sheet_,
+                                       {},
+                                       "",
+                                       "",
+                                       {},
+                                       1});
+  const map::Map& map = result.map;
+  EXPECT_TRUE(has(map, cell(map, 499500, y), SemanticClass::kForest));
+  EXPECT_EQ(map.semantics.at(cell(map, 500500, y)),
+            static_cast<std::uint16_t>(SemanticClass::kUnmapped));
+  EXPECT_EQ(above_terrain_m(map, 500500, y), options_.default_heights.forest_m);
+  const auto provenance = nlohmann::json::parse(result.provenance_json);
+  EXPECT_NEAR(provenance["mapped_extent_deg"][0]["east"].get<double>(), 9.0, 1e-9);
+}
+
+TEST_F(Prepare, TheMarginMakesTheBorderAsGoodAsTheMiddle) {
+  const fs::path dem = elevation(
+      [](double x, double y) { return 400.0 + 60.0 * std::sin(x / 300.0) * std::cos(y / 250.0); });
+  const map::Map large =
+      prepared({{dem}, {}, box_deg(8.97, 49.98, 9.03, 50.02), {}, "EPSG:32632", "", {}, 1}).map;
+  const map::Map small =
+      prepared({{dem}, {}, box_deg(8.99, 49.995, 9.01, 50.005), {}, "EPSG:32632", "", {}, 2}).map;
+  const int dx =
+      static_cast<int>(std::lround((small.geometry.west_m - large.geometry.west_m) / 30.0));
+  const int dy =
+      static_cast<int>(std::lround((small.geometry.south_m - large.geometry.south_m) / 30.0));
+  for (int row = 0; row < small.geometry.rows; ++row) {
+    for (int column = 0; column < small.geometry.columns; ++column) {
+      ASSERT_EQ(small.terrain_m.at(column, row), large.terrain_m.at(column + dx, row + dy));
+      ASSERT_EQ(small.visibility.at(column, row), large.visibility.at(column + dx, row + dy));
+    }
+  }
+  EXPECT_TRUE(has(small, {0, 0}, SemanticClass::kUnmapped));
+}
+
+TEST_F(Prepare, SameFilesGiveTheSameBundleWhateverTheThreads) {
+  const double y = 5538630.0;
+  Drawing drawing;
+  drawing.rectangle(499000, y - 500, 500100, y + 500, tag("landuse", "forest"));
+  drawing.rectangle(500300, y - 500, 501000, y + 500, tag("landuse", "residential"));
+  drawing.write(path("a.osm"), sheet_);
+  const fs::path dem =
+      elevation([](double x, double z) { return 400.0 + 50.0 * std::sin(x / 400.0 + z / 900.0); });
+  std::array<std::string, 2> bytes;
+  for (const int threads : {1, 3}) {
+    const PreparedMap result =
+        prepared({{dem}, {path("a.osm")}, sheet_, {}, "", "LABEL", {"(c) surveyor"}, threads});
+    const test::TemporaryFolder bundle;
+    map::write_map_bundle(result.map, result.provenance_json, bundle.path());
+    for (const char* name : {"manifest.json", "terrain.tif", "surface.tif", "semantics.tif",
+                             "visibility.tif", "features.gpkg"}) {
+      bytes[threads == 1 ? 0 : 1] += read_file(bundle.path() / name);
+    }
+    EXPECT_EQ(map::read_map_bundle(bundle.path()).hash, result.map.hash);
+    EXPECT_THAT(result.map.attributions,
+                testing::ElementsAre(options_.attribution_openstreetmap, "(c) surveyor"));
+    EXPECT_EQ(result.map.label, "LABEL");
+  }
+  EXPECT_EQ(bytes[0], bytes[1]);
+}
+
+TEST_F(Prepare, ASyntheticFileIsNotCreditedToOpenStreetMap) {
+  Drawing drawing;
+  drawing.node(500000, 5538630);
+  drawing.write(path("a.osm"), sheet_, "hedgehop synthetic region");
+  const PreparedMap result = prepared({{elevation([](double, double) { return 1.0; })},
+                                       {path("a.osm")},
+                                       sheet_,
+                                       {},
+                                       "",
+                                       "",
+                                       {},
+                                       1});
+  EXPECT_TRUE(result.map.attributions.empty());
+}
+
+TEST_F(Prepare, RefusesWhatCannotBeMeantOrIsNotThere) {
+  const fs::path dem = elevation([](double, double) { return 400.0; });
+  PrepareRequest request{{dem}, {}, sheet_, {}, "", "", {}, 1};
+  EXPECT_EQ(refusal_of(request), "");
+
+  request.extent = box_deg(20.0, 50.0, 20.1, 50.1);
+  EXPECT_THAT(refusal_of(request), testing::AllOf(HasSubstr("20.0000"), HasSubstr("lies outside")));
+  request.extent = box_deg(9.03, 49.98, 8.97, 50.02);
+  EXPECT_THAT(refusal_of<UsageError>(request), HasSubstr("empty"));
+  request.extent = sheet_;
+  request.cell_m = 0.0;
+  EXPECT_THAT(refusal_of<UsageError>(request), HasSubstr("cell size"));
+  request.cell_m = {};
+  request.crs = "EPSG:4326";
+  EXPECT_THAT(refusal_of(request), HasSubstr("EPSG:4326"));
+  request.crs = "";
+  request.osm_files = {path("nowhere.osm")};
+  EXPECT_THAT(refusal_of(request), HasSubstr("nowhere.osm"));
+  request.osm_files = {};
+  request.dem_files = {path("nowhere.tif")};
+  EXPECT_THAT(refusal_of(request), HasSubstr("nowhere.tif"));
+  request.dem_files = {};
+  EXPECT_THAT(refusal_of<UsageError>(request), HasSubstr("no elevation file"));
+
+  test::write_raster(path("void.tif"),
+                     {"EPSG:32632", 492500.0, 5547500.0, 30.0, 500, 500, -9999.0, ""},
+                     [](double, double) { return -9999.0; });
+  request.dem_files = {path("void.tif")};
+  EXPECT_THAT(refusal_of(request), HasSubstr("every sample there is void"));
+
+  options_.cells_max = 1000;
+  request.dem_files = {dem};
+  EXPECT_THAT(refusal_of<UsageError>(request), HasSubstr("more than the 1000"));
+}
+
+TEST_F(Prepare, PartlyMissingElevationIsSaidAndStaysUnknown) {
+  test::write_raster(path("half.tif"),
+                     {"EPSG:32632", 492500.0, 5547500.0, 30.0, 250, 500, -9999.0, ""},
+                     [](double, double) { return 400.0; });
+  const PreparedMap result = prepared({{path("half.tif")}, {}, sheet_, {}, "", "", {}, 1});
+  EXPECT_TRUE(std::isnan(result.map.terrain_m.at(cell(result.map, 501000, 5538630))));
+  EXPECT_EQ(result.map.visibility.at(cell(result.map, 501000, 5538630)), map::kVisibilityUnknown);
+  EXPECT_THAT(listener_.notes, HasSubstr("has no elevation"));
+}
+
+TEST_F(Prepare, StopsInWhateverStageItIs) {
+  Drawing drawing;
+  drawing.rectangle(499000, 5538000, 500100, 5539000, tag("landuse", "residential"));
+  drawing.write(path("a.osm"), sheet_);
+  const PrepareRequest request{
+      {elevation([](double, double) { return 1.0; })}, {path("a.osm")}, sheet_, {}, "", "", {}, 1};
+  Listener whole;
+  (void)prepare(request, options_, whole);
+  for (int stop_after = 0; stop_after < whole.calls() - 1;
+       stop_after += std::max(1, whole.calls() / 12)) {
+    Listener stopping(stop_after);
+    EXPECT_THROW((void)prepare(request, options_, stopping), Interrupted) << stop_after;
+  }
+}
+
+TEST(PrepareOptions, TheShippedFileLoadsAndAMisspeltKeyIsRefused) {
+  EXPECT_NO_THROW(shipped_options());
+  std::string text(shipped_config("prepare.yaml"));
+  text.replace(text.find("forest_m"), 8, "forrest_m");
+  ConfigReader reader = ConfigReader::from_text(text, "prepare.yaml");
+  EXPECT_THROW(PrepareOptions::read(reader), ConfigError);
+}
+
+}  // namespace
+}  // namespace hedgehop::preparation
