@@ -407,7 +407,7 @@ TEST(PlanBundle, TruncatedFilesAreRefused) {
   const std::string json = plan_json(plan);
   const std::string csv = trajectory_csv(plan);
   const DamagedBundle bundle(plan);
-  for (int attempt = 0; attempt < 150; ++attempt) {
+  for (int attempt = 0; attempt < 40; ++attempt) {
     // The closing line feed alone is no loss in JSON.
     const auto cut = [&](const std::string& text) {
       return text.substr(0,
@@ -423,7 +423,7 @@ TEST(PlanBundle, GarbledFilesAreReadOrRefusedButNothingElse) {
   std::mt19937_64 generator(test::fresh_seed());
   const DamagedBundle bundle(plan);
   int refused = 0;
-  for (int attempt = 0; attempt < 300; ++attempt) {
+  for (int attempt = 0; attempt < 120; ++attempt) {
     const char* file = attempt % 2 == 0 ? kPlanFile : kTrajectoryFile;
     std::string text = attempt % 2 == 0 ? plan_json(plan) : trajectory_csv(plan);
     const int changes = std::uniform_int_distribution<int>(1, 4)(generator);
@@ -442,7 +442,7 @@ TEST(PlanBundle, GarbledFilesAreReadOrRefusedButNothingElse) {
     }
     refused += bundle.error_after(file, text).empty() ? 0 : 1;
   }
-  EXPECT_GT(refused, 100);
+  EXPECT_GT(refused, 40);
 }
 
 }  // namespace
