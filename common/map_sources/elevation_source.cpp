@@ -118,6 +118,7 @@ void check_member(const fs::path& path, const std::string& archive, const std::s
 
 // The one raster inside a .zip.
 std::string member_of_archive(const fs::path& path) {
+  const GdalErrors silent;
   const std::string archive = "/vsizip/{" + path.string() + "}";
   const CPLStringList members(VSIReadDirRecursive(archive.c_str()));
   if (members.empty()) {
@@ -661,6 +662,7 @@ geo::GeodeticBox ElevationSource::extent() const {
 ElevationLayers ElevationSource::on_grid(const raster::GridGeometry& geometry,
                                          const std::string& crs_wkt, int threads,
                                          Observer& observer) const {
+  const GdalErrors silent;
   OGRSpatialReference map_crs;
   if (map_crs.importFromWkt(crs_wkt.c_str()) != OGRERR_NONE) {
     throw std::invalid_argument("on_grid: not a coordinate system: " + crs_wkt);
