@@ -30,7 +30,14 @@ int main(int argc, char** argv) {
   add_verify_verb(app, console);
   add_report_verb(app, console);
   add_evaluate_verb(app, console);
+  add_serve_verb(app, console);
+  add_request_verb(app, console);
+  add_watch_verb(app, console);
+  add_log_verb(app, console);
+  add_replay_verb(app, console);
   add_config_verb(app, console);
+  add_doctor_verb(app, console);
+  add_demo_verb(app, console);
 
   try {
     app.parse(argc, argv);

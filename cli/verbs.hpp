@@ -7,10 +7,17 @@
 namespace hedgehop::cli {
 
 void add_config_verb(CLI::App& app, Console& console);
+void add_demo_verb(CLI::App& app, Console& console);
+void add_doctor_verb(CLI::App& app, Console& console);
 void add_evaluate_verb(CLI::App& app, Console& console);
+void add_log_verb(CLI::App& app, Console& console);
 void add_plan_verb(CLI::App& app, Console& console);
 void add_prepare_verb(CLI::App& app, Console& console);
+void add_replay_verb(CLI::App& app, Console& console);
 void add_report_verb(CLI::App& app, Console& console);
+void add_request_verb(CLI::App& app, Console& console);
+void add_serve_verb(CLI::App& app, Console& console);
 void add_verify_verb(CLI::App& app, Console& console);
+void add_watch_verb(CLI::App& app, Console& console);
 
 }  // namespace hedgehop::cli

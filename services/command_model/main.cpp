@@ -8,7 +8,7 @@ int main(int argc, char** argv) {
   bus::install_stop_signals();
   return bus::run_main("command_model", [&] {
     const auto arguments = bus::parse_service_arguments(
-        argc, argv, "command_model",
+        argc, argv, "hedgehop-command-model",
         "Flies trajectories with the command model in real time, and steps it on request", {});
     if (!arguments) {
       return 0;

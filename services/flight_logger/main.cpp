@@ -8,7 +8,7 @@ int main(int argc, char** argv) {
   bus::install_stop_signals();
   return bus::run_main("flight_logger", [&] {
     const auto arguments = bus::parse_service_arguments(
-        argc, argv, "flight_logger", "Records everything on the bus in an LCM log",
+        argc, argv, "hedgehop-flight-logger", "Records everything on the bus in an LCM log",
         {{"--out", "FILE", "The log; it must not exist yet"}});
     if (!arguments) {
       return 0;

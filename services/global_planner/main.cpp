@@ -8,8 +8,8 @@ int main(int argc, char** argv) {
   bus::install_stop_signals();
   return bus::run_main("global_planner", [&] {
     const auto arguments = bus::parse_service_arguments(
-        argc, argv, "global_planner", "Plans routes for the requests that come over the bus",
-        {services::threads_option()});
+        argc, argv, "hedgehop-global-planner",
+        "Plans routes for the requests that come over the bus", {services::threads_option()});
     if (!arguments) {
       return 0;
     }

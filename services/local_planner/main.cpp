@@ -8,7 +8,7 @@ int main(int argc, char** argv) {
   bus::install_stop_signals();
   return bus::run_main("local_planner", [&] {
     const auto arguments = bus::parse_service_arguments(
-        argc, argv, "local_planner", "Flies the command model along routes from the bus",
+        argc, argv, "hedgehop-local-planner", "Flies the command model along routes from the bus",
         {services::threads_option()});
     if (!arguments) {
       return 0;

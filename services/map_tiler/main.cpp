@@ -9,7 +9,7 @@ int main(int argc, char** argv) {
   bus::install_stop_signals();
   return bus::run_main("map_tiler", [&] {
     const auto arguments = bus::parse_service_arguments(
-        argc, argv, "map_tiler", "Puts a map bundle on the bus, tile by tile",
+        argc, argv, "hedgehop-map-tiler", "Puts a map bundle on the bus, tile by tile",
         {{"--map", "MAP", "Map bundle, a folder made by `hedgehop prepare`"}});
     if (!arguments) {
       return 0;

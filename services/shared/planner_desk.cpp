@@ -168,6 +168,11 @@ void PlannerDesk::receive(const messages::PlanCancel& cancel) {
   job->is_cancelled = true;
 }
 
+bool PlannerDesk::is_ready(const Job& job) const {
+  const auto map = assembly_.map();
+  return map && map->hash == job.question.map_hash && exchange_.is_complete(job.question.input.id);
+}
+
 std::string PlannerDesk::lack_of(const Job& job) const {
   if (!exchange_.is_complete(job.question.input.id)) {
     for (const bus::MissingChunks& missing : exchange_.missing()) {
@@ -204,7 +209,7 @@ void PlannerDesk::tick(Time now) {
       job.status.text = "cancelled";
       forget_input(job);
       publish_status(job, now);
-    } else if (lack_of(job).empty()) {
+    } else if (is_ready(job)) {
       work(job);
       return;  // other messages first
     } else {
@@ -214,23 +219,25 @@ void PlannerDesk::tick(Time now) {
 }
 
 void PlannerDesk::wait(Job& job, Time now) {
+  const bool is_overdue =
+      !job.is_lack_named && seconds_between(job.asked, bus_.message_time()) > options_.patience_s;
+  if (!is_overdue && now < job.next_status) {
+    return;
+  }
   const std::string lack = lack_of(job);
   job.status.text = "waiting for: " + lack;
-  if (!job.is_lack_named && seconds_between(job.asked, bus_.message_time()) > options_.patience_s) {
+  if (is_overdue) {
     job.is_lack_named = true;
-    std::fprintf(stderr, "request %s still waits for: %s\n",
-                 short_id(job.question.request_id).c_str(), lack.c_str());
-    loop_.set_state(messages::ServiceState::kDegraded,
-                    "request " + short_id(job.question.request_id) + " waits for: " + lack);
+    const std::string title = "request " + short_id(job.question.request_id);
+    std::fprintf(stderr, "%s still waits for: %s\n", title.c_str(), lack.c_str());
+    loop_.set_state(messages::ServiceState::kDegraded, title + " waits for: " + lack);
     const auto& index = assembly_.index();
     if (index && index->map_hash != job.question.map_hash) {
       job.status.state = PlanState::kRefused;
-      job.status.text = "asks for " + lack;
-      publish_status(job, now);
-      return;
+      job.status.text = "it asks for " + lack;
     }
   }
-  publish_status_if_due(job, now);
+  publish_status(job, now);
 }
 
 void PlannerDesk::work(Job& job) {

@@ -78,6 +78,7 @@ class PlannerDesk {
   struct Job;
   class WorkingObserver;
 
+  [[nodiscard]] bool is_ready(const Job& job) const;
   [[nodiscard]] std::string lack_of(const Job& job) const;
   [[nodiscard]] Job* job_of(const Hash128& request_id);
   void wait(Job& job, Time now);

@@ -10,10 +10,12 @@
 namespace hedgehop::services {
 
 ServiceConfig load_config(const std::string& file, std::string_view shipped_name) {
+  const std::string shipped_path = "config/" + std::string(shipped_name);
+  const std::string_view shipped = shipped_config(shipped_name);
   if (file.empty()) {
-    return {std::string(shipped_config(shipped_name)), "config/" + std::string(shipped_name)};
+    return {std::string(shipped), shipped_path};
   }
-  return {read_file(file), file};
+  return {overlay_config(shipped, shipped_path, read_file(file), file), "effective configuration"};
 }
 
 ConfigReader ServiceConfig::reader() const { return ConfigReader::from_text(text, name); }

@@ -10,7 +10,7 @@
 
 namespace hedgehop::services {
 
-/// The config document of a service: the file that the user named, or the shipped one.
+/// The config document of a service.
 struct ServiceConfig {
   std::string text;
   std::string name;  // what errors call it
@@ -20,7 +20,8 @@ struct ServiceConfig {
   [[nodiscard]] Hash128 hash() const;
 };
 
-/// `file` may be empty: the shipped config of that name ("map_tiler.yaml").
+/// The shipped config of that name ("map_tiler.yaml") with what the user's file replaces; `file`
+/// may be empty. Throws ConfigError with file:line for a key that does not exist.
 ServiceConfig load_config(const std::string& file, std::string_view shipped_name);
 
 /// Option --threads of a planner service.

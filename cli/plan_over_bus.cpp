@@ -1,0 +1,276 @@
+#include "plan_over_bus.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "base/errors.hpp"
+#include "messages/message_error.hpp"
+#include "messages/plan_blobs.hpp"
+
+namespace hedgehop::cli {
+namespace {
+
+using messages::PlanStage;
+using messages::PlanState;
+using messages::Stamp;
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+constexpr double kRepeatPeriod_s = 1.0;
+constexpr double kRemarkPeriod_s = 5.0;
+constexpr int kCancelRepeats = 3;
+
+double seconds_since(SteadyTime time) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - time).count();
+}
+
+// What has been heard. Handlers outlive the conversation, so they share it.
+struct Heard {
+  Hash128 request_id;
+  std::optional<messages::MapIndex> index;
+  struct Stage {
+    std::optional<messages::PlanStatus> status;
+    SteadyTime time;
+  };
+  std::array<Stage, 2> stages;
+  std::optional<messages::TrajectoryHeader> trajectory;
+
+  [[nodiscard]] const std::optional<messages::PlanStatus>& status(PlanStage stage) const {
+    return stages.at(static_cast<std::size_t>(stage)).status;
+  }
+  [[nodiscard]] bool is_done(PlanStage stage) const {
+    return status(stage) && status(stage)->state == PlanState::kDone;
+  }
+};
+
+class Conversation {
+ public:
+  Conversation(bus::Bus& bus, bus::BlobExchange& exchange, double timeout_s, Observer& observer)
+      : bus_(bus), exchange_(exchange), timeout_s_(timeout_s), observer_(observer) {
+    bus.subscribe<messages::MapIndex>(
+        messages::kMapIndexChannel,
+        [heard = heard_](const messages::MapIndex& index, const Stamp&) { heard->index = index; });
+    bus.subscribe<messages::PlanStatus>(
+        messages::kPlanStatusChannel,
+        [heard = heard_](const messages::PlanStatus& status, const Stamp&) {
+          if (status.request_id == heard->request_id) {
+            auto& stage = heard->stages.at(static_cast<std::size_t>(status.stage));
+            stage.status = status;
+            stage.time = std::chrono::steady_clock::now();
+          }
+        });
+    bus.subscribe<messages::TrajectoryHeader>(
+        messages::kTrajectoryChannel,
+        [heard = heard_](const messages::TrajectoryHeader& trajectory, const Stamp&) {
+          if (trajectory.request_id == heard->request_id) {
+            heard->trajectory = trajectory;
+          }
+        });
+  }
+
+  std::variant<flight::Plan, flight::NoPlan> run(const flight::PlanRequest& request,
+                                                 const std::string& config_text) {
+    find_map();
+    messages::PlanRequestMessage message;
+    message.request = request;
+    message.map_hash = heard_->index->map_hash;
+    message.request_id = flight::plan_request_id(request, message.map_hash, config_text);
+    message.config = exchange_.offer(messages::encode_planning_config(config_text), true);
+    heard_->request_id = message.request_id;
+    begin_ = std::chrono::steady_clock::now();
+    std::optional<SteadyTime> asked;
+    while (true) {
+      if (!asked || seconds_since(*asked) > kRepeatPeriod_s) {
+        asked = std::chrono::steady_clock::now();
+        bus_.publish(messages::kPlanRequestChannel, message, bus_.now());
+      }
+      turn();
+      if (auto no_plan = answer_without_plan()) {
+        return std::move(*no_plan);
+      }
+      show_progress();
+      if (auto plan = collect()) {
+        return std::move(*plan);
+      }
+      check_silence();
+    }
+  }
+
+ private:
+  void turn() {
+    bus_.poll(std::min(0.05, exchange_.next_tick_s(bus_.now())));
+    exchange_.tick(bus_.now());
+    if (!observer_.stop_requested()) {
+      return;
+    }
+    if (!heard_->request_id.is_zero()) {
+      for (int i = 0; i < kCancelRepeats; ++i) {
+        bus_.publish(messages::kPlanCancelChannel, messages::PlanCancel{heard_->request_id},
+                     bus_.now());
+      }
+    }
+    throw Interrupted();
+  }
+
+  void find_map() {
+    begin_ = std::chrono::steady_clock::now();
+    while (!heard_->index) {
+      turn();
+      if (seconds_since(begin_) > timeout_s_) {
+        throw BusError("no map on the bus: no map_tiler heard on " + bus_.url() + " within " +
+                           seconds_text(timeout_s_),
+                       "start the services with `hedgehop serve --map MAP`, with the same "
+                       "--lcm-url and --channel-prefix; `hedgehop watch` shows who is there");
+      }
+    }
+  }
+
+  std::optional<flight::NoPlan> answer_without_plan() {
+    for (const Heard::Stage& stage : heard_->stages) {
+      if (!stage.status) {
+        continue;
+      }
+      const messages::PlanStatus& status = *stage.status;
+      const std::string who = name_of(status.stage);
+      switch (status.state) {
+        case PlanState::kNoPlan:
+          return status.no_plan;
+        case PlanState::kRefused:
+          throw UserError(ExitCode::kFailure, who + " refuses the request: " + status.text,
+                          "`hedgehop watch` shows the state of the services");
+        case PlanState::kCancelled:
+          throw UserError(ExitCode::kInterrupted, who + " gave the request up: " + status.text,
+                          "ask again");
+        default:
+          break;
+      }
+    }
+    return std::nullopt;
+  }
+
+  void show_progress() {
+    const bool is_flying = heard_->is_done(PlanStage::kGlobal);
+    const auto& status = heard_->status(is_flying ? PlanStage::kLocal : PlanStage::kGlobal);
+    if (!status) {
+      return;
+    }
+    if (status->state == PlanState::kWorking && status->work_budget > 0) {
+      const std::string stage = is_flying && !status->text.empty() ? status->text
+                                : is_flying                        ? "flying the route"
+                                                                   : "planning the route";
+      observer_.progress(stage, static_cast<double>(status->work_units),
+                         static_cast<double>(status->work_budget));
+    } else if (status->state == PlanState::kWaiting && seconds_since(begin_) > kRemarkPeriod_s &&
+               (!remarked_ || seconds_since(*remarked_) > kRemarkPeriod_s)) {
+      remarked_ = std::chrono::steady_clock::now();
+      observer_.note(name_of(status->stage) + " is " + status->text);
+    }
+  }
+
+  std::optional<flight::Plan> collect() {
+    if (!heard_->trajectory) {
+      return std::nullopt;
+    }
+    const messages::TrajectoryHeader& header = *heard_->trajectory;
+    exchange_.want(header.route, "route");
+    exchange_.want(header.plan, "trajectory");
+    const Bytes* route = exchange_.content(header.route.id);
+    const Bytes* plan = exchange_.content(header.plan.id);
+    const std::int64_t missing = exchange_.missing_chunk_count();
+    if (missing != missing_) {
+      missing_ = missing;
+      collected_ = std::chrono::steady_clock::now();
+    }
+    if (route == nullptr || plan == nullptr) {
+      return std::nullopt;
+    }
+    try {
+      const flight::RoutePlan route_plan = messages::decode_route_plan(*route);
+      if (route_plan.request_id != heard_->request_id) {
+        throw messages::MessageError("the route answers another request");
+      }
+      return messages::decode_flight_plan(*plan, route_plan, header.route.id);
+    } catch (const messages::MessageError& error) {
+      throw DataError(
+          std::string("the plan that came over the bus cannot be used: ") + error.what(),
+          "services and this program differ in version; `hedgehop watch` shows them");
+    }
+  }
+
+  void check_silence() const {
+    const double silence_max_s = 3.0 * timeout_s_;
+    const auto& global = heard_->stages[static_cast<std::size_t>(PlanStage::kGlobal)];
+    const auto& local = heard_->stages[static_cast<std::size_t>(PlanStage::kLocal)];
+    const auto fail = [&](const std::string& what) {
+      throw BusError(what,
+                     "`hedgehop watch` shows which services are there; `hedgehop serve` "
+                     "starts them all");
+    };
+    if (heard_->trajectory) {
+      if (seconds_since(collected_) > silence_max_s) {
+        fail("the trajectory is there, but " + std::to_string(missing_) +
+             " of its chunks do not come");
+      }
+      return;
+    }
+    if (!heard_->is_done(PlanStage::kGlobal)) {
+      if (!global.status && seconds_since(begin_) > timeout_s_) {
+        fail("map_tiler is on the bus, but no global_planner answered within " +
+             seconds_text(timeout_s_));
+      }
+      if (global.status && seconds_since(global.time) > silence_max_s) {
+        fail("global_planner has said nothing for " + seconds_text(silence_max_s));
+      }
+      return;
+    }
+    if (!local.status && seconds_since(first_done()) > timeout_s_) {
+      fail("the route is planned, but no local_planner answered within " +
+           seconds_text(timeout_s_));
+    }
+    if (local.status && seconds_since(local.time) > silence_max_s) {
+      fail("local_planner has said nothing for " + seconds_text(silence_max_s));
+    }
+  }
+
+  // When the route was first heard to be there; later statuses only repeat it.
+  SteadyTime first_done() const {
+    if (!route_done_) {
+      route_done_ = std::chrono::steady_clock::now();
+    }
+    return *route_done_;
+  }
+
+  static std::string name_of(PlanStage stage) {
+    return stage == PlanStage::kGlobal ? "global_planner" : "local_planner";
+  }
+  static std::string seconds_text(double seconds) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3g s", seconds);
+    return text;
+  }
+
+  bus::Bus& bus_;
+  bus::BlobExchange& exchange_;
+  const double timeout_s_;
+  Observer& observer_;
+  std::shared_ptr<Heard> heard_ = std::make_shared<Heard>();
+  SteadyTime begin_;
+  std::optional<SteadyTime> remarked_;
+  mutable std::optional<SteadyTime> route_done_;
+  std::int64_t missing_ = -1;
+  SteadyTime collected_;
+};
+
+}  // namespace
+
+std::variant<flight::Plan, flight::NoPlan> plan_over_bus(bus::Bus& bus, bus::BlobExchange& exchange,
+                                                         const flight::PlanRequest& request,
+                                                         const std::string& config_text,
+                                                         double timeout_s, Observer& observer) {
+  return Conversation(bus, exchange, timeout_s, observer).run(request, config_text);
+}
+
+}  // namespace hedgehop::cli
