@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
       "unreachable, 130 interrupted.");
   Console console;
   add_prepare_verb(app, console);
+  add_info_verb(app, console);
   add_plan_verb(app, console);
   add_verify_verb(app, console);
   add_report_verb(app, console);
