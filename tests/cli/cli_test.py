@@ -23,6 +23,7 @@ import unittest
 
 import synthetic_inputs as inputs
 
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 HEDGEHOP = None
 INPUTS = None
 BBOX = ",".join(str(number) for number in inputs.BBOX)
@@ -458,15 +459,26 @@ class Help(CliTest):
             self.assertIn(word, text)
 
     def test_of_each_verb_says_its_purpose_its_options_and_an_example(self):
-        for verb in self.verbs():
+        verbs = [[verb] for verb in self.verbs()]
+        while verbs:
+            verb = verbs.pop()
             with self.subTest(verb=verb):
-                result = self.hedgehop(verb, "--help")
+                result = self.hedgehop(*verb, "--help")
                 self.assertEqual(result.returncode, 0, result.stderr)
                 text = result.stdout
                 self.assertGreaterEqual(len(text.splitlines()[0].split()), 3, "purpose")
                 self.assertRegex(text, r"Examples?:\n")
-                self.assertIn(f"hedgehop {verb}", text.split("Example")[1])
+                self.assertIn("hedgehop " + " ".join(verb), text.split("Example")[1])
                 self.check_options(text)
+                if "Subcommands:" in text:
+                    below = re.findall(r"(?m)^  (\w+)  +\S", text.split("Subcommands:")[1].split("\n\n")[0])
+                    self.assertTrue(below)
+                    verbs.extend([*verb, name] for name in below)
+
+    def test_each_verb_has_a_test_of_its_json(self):
+        tested = {"prepare", "plan", "verify", "report", "config", "evaluate", "info", "serve", "request", "replay", "log",
+                  "watch", "doctor", "demo"}
+        self.assertEqual(set(self.verbs()) - tested, set(), "add a test to the class Json, then the verb to this list")
 
     def check_options(self, text):
         block = re.search(r"(?ms)^Options:\n(.*?)\n\n", text + "\n\n")
@@ -515,6 +527,26 @@ class Json(CliTest):
         self.assertIn("planning.yaml", shipped)
         self.assertIn("speed_mps: 33", self.one_object("config", "show", "--set", "speed_mps=33")["config"])
 
+    def test_evaluate_random(self):
+        area = self.work / "area"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        found = self.one_object("evaluate", "random", "--map", area, "--problems", "1", "--seed", "5",
+                                "--set", "global.work_budget=20000")
+        self.assertEqual(found["drawn"], 1)
+        self.assertEqual(sum(found[kind] for kind in ("verified", "not_verified", "named_cause", "not_found", "errors")), 1)
+        self.assertEqual(found["seed"], 5)
+        self.assertGreaterEqual(found["problems"][0]["distance_m"], 8000.0)
+
+    def test_info(self):
+        found = self.one_object("info", self.map)
+        self.assertRegex(found["map_hash"], "^[0-9a-f]{32}$")
+        self.one_object("info", self.map, "--at", START)
+
+    def test_doctor(self):
+        found = self.one_object("doctor", allowed=(0, 1))
+        self.assertIn("is_fit", found)
+
     def test_progress_and_remarks_stay_off_stdout(self):
         result = self.hedgehop(*self.prepare(self.hgt))
         self.assertEqual(result.returncode, 0, result.stderr)
@@ -558,6 +590,98 @@ class SameBytes(CliTest):
                                    "--threads", threads, "--out", self.work / out)
             self.assertIn(result.returncode, (0, 4), result.stderr)
         self.compare(self.work / "one", self.work / "two")
+
+
+class OverTheBus(CliTest):
+    """The services in a network of their own: the same plan as in one process, a log that replays."""
+
+    def in_own_network(self, script, *arguments, timeout=150):
+        result = subprocess.run([ROOT / "scripts" / "in-own-network", "sh", "-c", script, "sh", *map(str, arguments)],
+                                capture_output=True, text=True, timeout=timeout, env=self.environment(), cwd=self.work)
+        if result.returncode == 77:
+            self.skipTest(result.stdout.strip().removeprefix("SKIPPED: "))
+        return result
+
+    def test_request_gives_the_bytes_of_plan_and_the_log_replays(self):
+        request = ["--start", START, "--goal", GOAL, "--work", WORK]
+        log = self.work / "flight.lcmlog"
+        script = """
+hedgehop=$1; map=$2; log=$3; shift 3
+"$hedgehop" serve --map "$map" --log "$log" --json > serve.json 2> serve.txt & serve=$!
+"$hedgehop" watch --json --duration-s 5 > watch.json 2> watch.txt & watch=$!
+"$hedgehop" request "$@" --out over_the_bus --timeout-s 60 --json > request.json; request=$?
+wait "$watch"; watch=$?
+kill -TERM "$serve"; wait "$serve"; serve=$?
+echo "$serve $request $watch"
+"""
+        result = self.in_own_network(script, HEDGEHOP, self.map, log, *request)
+        told = result.stderr + (self.work / "serve.txt").read_text()
+        serve, wanted, watch = map(int, result.stdout.split())
+        self.assertEqual((serve, watch), (0, 0), told)
+        self.assertIn(wanted, (0, 4), told)
+
+        planned = self.hedgehop("plan", "--map", self.map, *request, "--out", self.work / "in_one_process", "--json")
+        self.assertEqual(planned.returncode, wanted, planned.stderr)
+        for name in ("plan.json", "route.geojson", "trajectory.csv"):
+            self.assertEqual((self.work / "over_the_bus" / name).read_bytes(),
+                             (self.work / "in_one_process" / name).read_bytes(), name)
+        answer = json.loads((self.work / "request.json").read_text())
+        self.assertEqual({**answer, "plan": ""}, {**json.loads(planned.stdout), "plan": ""})
+        self.assertEqual(json.loads((self.work / "serve.json").read_text())["schema_version"], 1)
+        lines = (self.work / "watch.json").read_text().splitlines()
+        self.assertTrue(lines)
+        for line in lines:
+            self.assertIsInstance(json.loads(line), dict)
+
+        info = self.hedgehop("log", "info", log, "--json")
+        self.assertEqual(info.returncode, 0, info.stderr)
+        self.assertEqual(json.loads(info.stdout)["schema_version"], 1)
+        for stage in ("global", "local"):
+            replayed = self.hedgehop("replay", log, "--stage", stage, "--json")
+            self.assertEqual(replayed.returncode, 0, replayed.stdout + replayed.stderr)
+            self.assertEqual(json.loads(replayed.stdout)["result"], "equal")
+
+    def test_request_that_nobody_answers_says_so(self):
+        script = '"$1" request --start "$2" --goal "$3" --out nowhere --timeout-s 1'
+        result = self.in_own_network(script, HEDGEHOP, START, GOAL)
+        self.assertEqual(result.returncode, 6, result.stderr)
+        self.assertRegex(result.stderr, "(?m)^error: ")
+        self.assertRegex(result.stderr, "(?m)^hint: ")
+        self.assert_nothing_left()
+
+    def test_request_without_a_multicast_route_says_so(self):
+        script = 'ip link set lo down; "$1" request --start "$2" --goal "$3" --out nowhere --timeout-s 1'
+        result = self.in_own_network(script, HEDGEHOP, START, GOAL)
+        self.assertEqual(result.returncode, 6, result.stderr)
+        self.assertRegex(result.stderr, "(?m)^error: ")
+        self.assertRegex(result.stderr, "net-setup|route")
+        self.assert_nothing_left()
+
+    def test_log_and_replay_refuse_what_is_no_log(self):
+        text = self.work / "notes.lcmlog"
+        text.write_text("this is no log\n" * 100)
+        for arguments in (["log", "info", text], ["replay", text, "--stage", "local"],
+                          ["log", "info", self.work / "none.lcmlog"], ["replay", self.work / "none.lcmlog", "--stage", "local"]):
+            with self.subTest(arguments=arguments):
+                result = self.hedgehop(*arguments)
+                self.assertEqual(result.returncode, 5, result.stdout + result.stderr)
+                self.assertRegex(result.stdout + result.stderr, r"\.lcmlog|no event|damage")
+
+
+class Demo(CliTest):
+    def test_leaves_a_verified_plan_a_log_and_pictures(self):
+        result = self.hedgehop("demo", "--out", self.work / "demo", "--json", timeout=280)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertTrue(json.loads(result.stdout)["is_verified"])
+        demo = self.work / "demo"
+        pictures = list((demo / "plan" / "figures").glob("*.png"))
+        self.assertTrue(pictures)
+        for picture in pictures:
+            self.assertEqual(picture.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
+        self.assertIn("SYNTHETIC", (demo / "plan" / "plan.json").read_text())
+        self.assertGreater((demo / "flight.lcmlog").stat().st_size, 100000)
+        self.assertEqual([path.name for path in self.work.iterdir()], ["demo"])
+        self.assertEqual(listing(self.temporary), [])
 
 
 def all_tests():
