@@ -251,7 +251,7 @@ class LandCover {
   }
 
   void add_building(const MapPoint& centre, const MapPoint& axis, double length_m, double width_m,
-                    OsmTags tags) {
+                    const OsmTags& tags) {
     const double u = 0.5 * length_m;
     const double v = 0.5 * width_m;
     const auto corner = [&](double a, double b) {
