@@ -1,0 +1,366 @@
+#!/usr/bin/env python3
+"""The programs together over UDP: what `serve` and `request` do, what a log is good for.
+
+  chain_test.py --list                           names of the tests
+  chain_test.py --programs DIR --map-maker PROGRAM NAME
+                                                 runs one; exit code 77 with the reason: skipped
+
+Every test runs in a network namespace of its own (scripts/in-own-network), so that buses cannot
+meet and ports need no bookkeeping.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+
+WORK = ["--work", "20000"]
+FILES = ["plan.json", "route.geojson", "trajectory.csv"]
+SERVICES = ["map_tiler", "global_planner", "local_planner", "command_model", "flight_logger"]
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+class Failure(Exception):
+    pass
+
+
+def check(condition, what):
+    if not condition:
+        raise Failure(what)
+
+
+class Setup:
+    def __init__(self, programs, map_maker, folder):
+        self.programs = pathlib.Path(programs)
+        self.folder = pathlib.Path(folder)
+        self.map = self.folder / "map"
+        ends = subprocess.run([map_maker, self.map], check=True, capture_output=True, text=True).stdout.split()
+        self.ends = ["--start", ends[0], "--goal", ends[1]]
+        self.children = []
+
+    def run(self, *arguments, timeout=60, cwd=None):
+        return subprocess.run([self.programs / "hedgehop", *map(str, arguments)], capture_output=True, text=True,
+                              timeout=timeout, cwd=cwd or self.folder)
+
+    def start(self, program, *arguments):
+        out = open(self.folder / f"{program}.{len(self.children)}.txt", "w+")
+        child = subprocess.Popen([self.programs / program, *map(str, arguments)], stdout=out,
+                                 stderr=subprocess.STDOUT, cwd=self.folder)
+        child.out = out
+        self.children.append(child)
+        return child
+
+    def text(self, child):
+        child.out.flush()
+        return pathlib.Path(child.out.name).read_text()
+
+    def serve(self, *arguments):
+        child = self.start("hedgehop", "serve", "--map", self.map, "--log", self.folder / "flight.lcmlog", *arguments)
+        wait(lambda: "services are ready" in self.text(child), 20, lambda: "serve: " + self.text(child),
+             lambda: child.poll() is None)
+        return child
+
+    def plan(self, *arguments):
+        """What one process makes; the reference of every comparison."""
+        out = self.folder / "in_process"
+        done = self.run("plan", "--map", self.map, *self.ends, *WORK, "--out", out, *arguments)
+        check(done.returncode == 0, f"plan ended with {done.returncode}: {done.stderr}")
+        return out
+
+    def request(self, name, *arguments):
+        out = self.folder / name
+        done = self.run("request", *self.ends, *WORK, "--out", out, *arguments)
+        check(done.returncode == 0, f"request ended with {done.returncode}: {done.stderr}")
+        return out
+
+    def end(self):
+        for child in self.children:
+            if child.poll() is None:
+                child.terminate()
+                try:
+                    child.wait(15)
+                except subprocess.TimeoutExpired:
+                    child.kill()
+                    child.wait()
+
+
+def wait(is_reached, timeout_s, what, is_possible=lambda: True):
+    end = time.monotonic() + timeout_s
+    while not is_reached():
+        check(is_possible() and time.monotonic() < end, "waited in vain: " + what())
+        time.sleep(0.02)
+
+
+def stop(child, timeout_s=10):
+    child.send_signal(signal.SIGTERM)
+    return child.wait(timeout_s)
+
+
+def same_files(one, other):
+    for name in FILES:
+        check((one / name).read_bytes() == (other / name).read_bytes(), f"{name} differs")
+
+
+def events(log):
+    """(start, end, channel, message) of each event of a log, read as the format says."""
+    data = log.read_bytes()
+    at = 0
+    while at < len(data):
+        magic, _, _, channel_length, length = struct.unpack_from(">IqqII", data, at)
+        check(magic == 0xEDA1DA01, f"{log}: no event at {at}")
+        end = at + 28 + channel_length + length
+        yield at, end, data[at + 28:at + 28 + channel_length].decode(), data[end - length:end]
+        at = end
+
+
+def blob_of(chunk):
+    """The blob that a CHUNK belongs to: after type hash, utime, sender, seq and version."""
+    return chunk[34:50]
+
+
+def recorded_flight(setup):
+    """A log of one planning run, recorder first."""
+    serve = setup.serve()
+    setup.request("over_bus")
+    check(stop(serve) == 0, "serve did not end with 0:\n" + setup.text(serve))
+    return setup.folder / "flight.lcmlog"
+
+
+# ----------------------------------------------------------------------------------------------
+
+def services_make_the_same_bytes_as_one_process(setup):
+    in_process = setup.plan("--threads", "1")
+    serve = setup.serve("--threads", "2")
+    same_files(in_process, setup.request("over_bus"))
+    # Asked again, it is answered at once, and with the same.
+    same_files(in_process, setup.request("again"))
+    check(stop(serve) == 0, "serve did not end with 0:\n" + setup.text(serve))
+    for name in SERVICES:
+        check(f"{name} " in setup.text(serve), f"serve did not report {name}")
+
+
+def replay_makes_every_stage_again(setup):
+    log = recorded_flight(setup)
+    for stage in ["global", "local", "flight"]:
+        done = setup.run("replay", log, "--stage", stage, "--json")
+        check(done.returncode == 0, f"{stage}: {done.returncode} {done.stdout}{done.stderr}")
+        check(json.loads(done.stdout)["result"] == "equal", f"{stage}: {done.stdout}")
+    info = json.loads(setup.run("log", "info", log, "--json").stdout)
+    check(info["damage_count"] == 0 and info["requests"][0]["has_trajectory"], f"log info: {info}")
+    check({"MAP_INDEX", "CHUNK", "PLAN_REQUEST", "PLAN_STATUS", "ROUTE", "TRAJECTORY", "SERVICE_STATUS",
+           "VEHICLE_STATE"} <= set(info["channels"]), f"channels: {info['channels']}")
+
+
+def a_lone_local_planner_fed_by_the_log_player_makes_the_recorded_trajectory(setup):
+    player = shutil.which("lcm-logplayer")
+    if player is None:
+        print("SKIPPED: lcm-logplayer is not installed (Debian: liblcm-bin)")
+        sys.exit(77)
+    log = recorded_flight(setup)
+    recorded = [message for _, _, channel, message in events(log) if channel == "TRAJECTORY"]
+    check(recorded, "no trajectory in the log")
+    again = setup.folder / "again.lcmlog"
+    setup.start("hedgehop-flight-logger", "--out", again)
+    planner = setup.start("hedgehop-local-planner")
+    wait(lambda: again.exists() and b"local_planner" in again.read_bytes(), 10, lambda: setup.text(planner))
+    # Everything but what the stage itself said: its TRAJECTORY and the chunks of it.
+    subprocess.run([player, "-s", "2", "-e", "(MAP_INDEX|CHUNK|ROUTE)", log], check=True,
+                   capture_output=True, timeout=60)
+    wait(lambda: b"TRAJECTORY" in again.read_bytes(), 20, lambda: setup.text(planner))
+    time.sleep(0.3)
+    answer = [message for _, _, channel, message in events(again) if channel == "TRAJECTORY"][0]
+    # Equal but for who sent it (sender and number stand after type hash and time); the blob's name is
+    # the hash of the trajectory.
+    check(answer[:16] == recorded[0][:16] and answer[32:] == recorded[0][32:], "another trajectory")
+    check(stop(planner) == 0, "the planner did not end with 0")
+
+
+def a_missing_tile_is_named(setup):
+    log = recorded_flight(setup)
+    # The map's blobs went over the bus before the request; MAP_INDEX names two of them, tile table
+    # and features. The others are tiles.
+    chunks = {}
+    for _, _, channel, message in events(log):
+        if channel == "MAP_INDEX":
+            index = message
+        if channel == "CHUNK":
+            chunks.setdefault(blob_of(message), []).append(message)
+        if channel == "PLAN_REQUEST":
+            break
+    tiles = [blob for blob in chunks if blob not in index]
+    check(len(tiles) == len(chunks) - 2, f"{len(tiles)} tiles among {len(chunks)} blobs")
+    victim = tiles[len(tiles) // 2]
+    holed = setup.folder / "holed.lcmlog"
+    data = log.read_bytes()
+    holed.write_bytes(b"".join(data[start:end] for start, end, channel, message in events(log)
+                               if not (channel == "CHUNK" and blob_of(message) == victim)))
+    for stage in ["global", "local"]:
+        done = setup.run("replay", holed, "--stage", stage)
+        check(done.returncode == 5, f"replay ended with {done.returncode}: {done.stdout}")
+        check("tile column" in done.stdout and "layer" in done.stdout, f"no tile is named: {done.stdout}")
+
+    player = shutil.which("lcm-logplayer")
+    if player is None:
+        return
+    # Live as well: after a limit in message time, which the played log exceeds.
+    config = setup.folder / "impatient.yaml"
+    config.write_text("patience_s: 1.0\n")
+    planner = setup.start("hedgehop-local-planner", "--config", config)
+    time.sleep(0.5)
+    subprocess.run([player, "-s", "4", "-e", "(MAP_INDEX|CHUNK|ROUTE)", holed], check=True,
+                   capture_output=True, timeout=60)
+    wait(lambda: "tile column" in setup.text(planner), 10, lambda: setup.text(planner))
+
+
+def nobody_there_is_exit_code_6(setup):
+    out = setup.folder / "plan"
+    done = setup.run("request", *setup.ends, "--out", out, "--timeout-s", "0.5")
+    check(done.returncode == 6, f"ended with {done.returncode}")
+    check("map_tiler" in done.stderr and "hedgehop serve" in done.stderr, done.stderr)
+    tiler = setup.start("hedgehop-map-tiler", "--map", setup.map)
+    done = setup.run("request", *setup.ends, "--out", out, "--timeout-s", "2")
+    check(done.returncode == 6, f"ended with {done.returncode}")
+    check("no global_planner answered" in done.stderr, done.stderr)
+    check(stop(tiler) == 0, "map_tiler did not end with 0")
+    check(sorted(p.name for p in setup.folder.iterdir() if "plan" in p.name) == [], "something was left behind")
+
+
+def requests_that_cannot_be_met_say_why(setup):
+    serve = setup.serve()
+    out = setup.folder / "plan"
+    outside = ["--start", setup.ends[1], "--goal", "50.5,10.4"]
+    for arguments in [["plan", "--map", setup.map], ["request"]]:
+        done = setup.run(*arguments, *outside, "--out", out, "--json")
+        check(done.returncode == 2, f"{arguments[0]} ended with {done.returncode}: {done.stderr}")
+        check(json.loads(done.stdout)["no_plan"]["cause"] == "goal_outside_map", done.stdout)
+    check(not out.exists(), "a bundle was written")
+    check(stop(serve) == 0, setup.text(serve))
+
+
+def an_interrupted_request_cancels_the_planning(setup):
+    serve = setup.serve()
+    out = setup.folder / "plan"
+    request = setup.start("hedgehop", "request", *setup.ends, "--work", "2000000000", "--out", out)
+    wait(lambda: "planning the route" in setup.text(request), 20, lambda: setup.text(request))
+    request.send_signal(signal.SIGINT)
+    check(request.wait(10) == 130, f"ended with {request.returncode}: {setup.text(request)}")
+    check(not out.exists(), "a bundle was written")
+    # The planner is free again.
+    setup.request("after")
+    check(stop(serve) == 0, setup.text(serve))
+    leftovers = [p.name for p in setup.folder.iterdir() if p.name.startswith(".")]
+    check(leftovers == [], f"left behind: {leftovers}")
+
+
+def a_service_that_dies_is_started_again(setup):
+    serve = setup.serve()
+    lines = [line.split() for line in setup.text(serve).splitlines() if line.startswith("global_planner ")]
+    os.kill(int(lines[0][-1]), signal.SIGKILL)
+    wait(lambda: "global_planner starts again" in setup.text(serve), 10, lambda: setup.text(serve))
+    check("Killed" in setup.text(serve), "the cause is not reported")
+    setup.request("after")
+    check(stop(serve) == 0, setup.text(serve))
+
+
+def serve_without_a_map_says_so(setup):
+    done = setup.run("serve", "--map", setup.folder / "nothing")
+    check(done.returncode == 5 and "nothing" in done.stderr, f"{done.returncode}: {done.stderr}")
+    broken = setup.folder / "broken"
+    shutil.copytree(setup.map, broken)
+    (broken / "terrain.tif").write_bytes(b"no raster")
+    done = setup.run("serve", "--map", broken, "--log", setup.folder / "log")
+    check(done.returncode == 5, f"{done.returncode}: {done.stderr}")
+    check("terrain.tif" in done.stderr and "map_tiler ended with exit code 5" in done.stderr, done.stderr)
+
+
+def without_multicast_the_bus_error_names_the_remedy(setup):
+    subprocess.run(["ip", "route", "flush", "table", "all"], check=False, capture_output=True)
+    subprocess.run(["ip", "link", "set", "lo", "down"], check=False, capture_output=True)
+    for arguments in [["request", *setup.ends, "--out", setup.folder / "plan"],
+                      ["serve", "--map", setup.map, "--log", setup.folder / "log"], ["watch"]]:
+        done = setup.run(*arguments)
+        check(done.returncode == 6, f"{arguments[0]} ended with {done.returncode}: {done.stderr}")
+        check("net-setup" in done.stderr, done.stderr)
+    done = setup.run("doctor", "--json")
+    check(done.returncode == 1 and not json.loads(done.stdout)["is_fit"], done.stdout)
+
+
+def every_service_ends_with_0_on_sigterm(setup):
+    children = {
+        "map_tiler": setup.start("hedgehop-map-tiler", "--map", setup.map),
+        "flight_logger": setup.start("hedgehop-flight-logger", "--out", setup.folder / "log"),
+        "global_planner": setup.start("hedgehop-global-planner"),
+        "local_planner": setup.start("hedgehop-local-planner"),
+        "command_model": setup.start("hedgehop-command-model"),
+    }
+    watch = setup.run("watch", "--duration-s", "3", "--json")
+    names = {json.loads(line).get("name") for line in watch.stdout.splitlines()}
+    check(set(SERVICES) <= names, f"watch saw only {names}")
+    for name, child in children.items():
+        check(stop(child) == 0, f"{name} ended with {child.returncode}: {setup.text(child)}")
+
+
+def configs_are_checked_before_anything_else(setup):
+    for name in SERVICES:
+        program = setup.programs / ("hedgehop-" + name.replace("_", "-"))
+        shipped = ROOT / "config" / f"{name}.yaml"
+        done = subprocess.run([program, "--config", shipped, "--check"], capture_output=True, text=True)
+        check(done.returncode == 0 and done.stdout == "ok\n", f"{name}: {done.returncode} {done.stderr}")
+        lines = shipped.read_text().splitlines()
+        at = next(i for i, line in enumerate(lines) if line and not line.startswith("#"))
+        lines[at] = "x" + lines[at]
+        wrong = setup.folder / f"{name}.yaml"
+        wrong.write_text("\n".join(lines) + "\n")
+        done = subprocess.run([program, "--config", wrong, "--check"], capture_output=True, text=True)
+        check(done.returncode == 2, f"{name}: {done.returncode}")
+        check(f"{name}.yaml:{at + 1}:" in done.stderr, f"{name}: {done.stderr}")
+
+
+TESTS = [
+    services_make_the_same_bytes_as_one_process,
+    replay_makes_every_stage_again,
+    a_lone_local_planner_fed_by_the_log_player_makes_the_recorded_trajectory,
+    a_missing_tile_is_named,
+    nobody_there_is_exit_code_6,
+    requests_that_cannot_be_met_say_why,
+    an_interrupted_request_cancels_the_planning,
+    a_service_that_dies_is_started_again,
+    serve_without_a_map_says_so,
+    without_multicast_the_bus_error_names_the_remedy,
+    every_service_ends_with_0_on_sigterm,
+    configs_are_checked_before_anything_else,
+]
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--list", action="store_true")
+    parser.add_argument("--programs")
+    parser.add_argument("--map-maker")
+    parser.add_argument("name", nargs="?")
+    arguments = parser.parse_args()
+    if arguments.list:
+        print("\n".join(test.__name__ for test in TESTS))
+        return 0
+    test = next(test for test in TESTS if test.__name__ == arguments.name)
+    with tempfile.TemporaryDirectory(prefix="hedgehop-chain-") as folder:
+        setup = Setup(arguments.programs, arguments.map_maker, folder)
+        try:
+            test(setup)
+        except Failure as failure:
+            print(f"FAILED: {failure}")
+            return 1
+        finally:
+            setup.end()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
