@@ -43,6 +43,7 @@ struct MapAssembly::Impl {
   std::vector<messages::BlobRef> tiles;  // empty until the table is there
   std::size_t complete_tiles = 0;        // the first ones, in a row
   bool is_done = false;
+  int foreign_indices = 0;  // in a row, while a map is being collected
   std::shared_ptr<const map::Map> map;
   std::string refusal;
 
@@ -109,8 +110,15 @@ void MapAssembly::receive(const messages::MapIndex& index) {
       impl.index->tile_table == index.tile_table && impl.index->features == index.features &&
       impl.index->geometry == index.geometry && impl.index->tile_cells == index.tile_cells) {
     impl.index->patch_number = index.patch_number;
+    impl.foreign_indices = 0;
     return;
   }
+  constexpr int kForeignIndicesMax = 2;
+  if (impl.index && !impl.is_done && impl.refusal.empty() &&
+      ++impl.foreign_indices <= kForeignIndicesMax) {
+    return;
+  }
+  impl.foreign_indices = 0;
   impl.give_up_blobs();
   impl.index = index;
   impl.refusal.clear();

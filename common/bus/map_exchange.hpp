@@ -27,7 +27,9 @@ class MapAssembly {
   explicit MapAssembly(BlobExchange& exchange);
   ~MapAssembly();
 
-  /// Starts over when the map hash or the blobs differ from what is being collected.
+  /// Starts over when the map hash or the blobs differ from what is held, refused or being
+  /// collected. A map that is being collected gives way only to the third index in a row that names
+  /// another one, so that two tilers on one bus do not keep each other from being heard out.
   void receive(const messages::MapIndex& index);
 
   /// Goes on with what has arrived.

@@ -19,6 +19,9 @@
 
 namespace hedgehop::messages::wire {
 
+/// Place of the first byte that does not belong to a UTF-8 character; the size if all do.
+std::size_t first_bad_utf8(std::string_view text);
+
 /// Judges the fields of one message; every failure is a MessageError with type, field and value.
 class Check {
  public:
@@ -75,7 +78,7 @@ class Check {
   bool boolean(std::string_view field, std::int8_t value) const {
     return within<std::int8_t>(field, value, 0, 1) == 1;
   }
-  /// No control characters but tab and line feed: text ends up on terminals.
+  /// UTF-8 without control characters but tab and line feed: text ends up on terminals and in JSON.
   std::string text(std::string_view field, const std::string& value, std::size_t bytes_max) const {
     if (value.size() > bytes_max) {
       refuse(std::string(field) + " has " + std::to_string(value.size()) +
@@ -86,6 +89,9 @@ class Check {
       if ((code < 0x20 && c != '\n' && c != '\t') || code == 0x7f) {
         refuse(std::string(field) + " holds the control character " + std::to_string(code));
       }
+    }
+    if (const std::size_t at = first_bad_utf8(value); at < value.size()) {
+      refuse(std::string(field) + " is no UTF-8 at byte " + std::to_string(at));
     }
     return value;
   }
@@ -106,8 +112,8 @@ inline double value_or_nan(const std::optional<double>& value) {
   return value.value_or(std::numeric_limits<double>::quiet_NaN());
 }
 
-/// Text fit to be sent: control characters become spaces, cut to at most `bytes_max` between
-/// characters.
+/// Text fit to be sent: control characters become spaces, bytes that are no UTF-8 question marks;
+/// cut to at most `bytes_max` between characters.
 std::string cut_text(std::string_view text, std::size_t bytes_max);
 
 inline void put(std::int64_t (&field)[2], const Hash128& hash) {

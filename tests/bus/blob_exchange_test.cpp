@@ -461,6 +461,52 @@ TEST(MapExchange, AMapThatIsNotWhatTheIndexSaysIsRefused) {
   expect_same_map(*assembly.map(), map);
 }
 
+TEST(MapExchange, TwoTilersOnOneBusDoNotKeepAMapFromArriving) {
+  std::mt19937_64 random(3);
+  const map::Map first = random_map(random, 60, 60);
+  const map::Map second = random_map(random, 60, 60);
+  Network network(1, 0.1, 0.0, 0.01);
+  BlobExchange& tiler = network.add(quick_options());
+  BlobExchange& planner = network.add(quick_options());
+  const messages::MapIndex index_1 = offer_map(first, 32, tiler);
+  const messages::MapIndex index_2 = offer_map(second, 32, tiler);
+  MapAssembly assembly(planner);
+  network.run(10.0, [&] {
+    assembly.receive(index_1);
+    assembly.tick();
+    if (assembly.map() == nullptr) {
+      assembly.receive(index_2);
+    }
+    return assembly.map() != nullptr;
+  });
+  ASSERT_NE(assembly.map(), nullptr);
+  EXPECT_EQ(assembly.map()->hash, first.hash);
+}
+
+TEST(MapExchange, AMapWhoseTilerHasGoneGivesWay) {
+  std::mt19937_64 random(3);
+  const map::Map first = random_map(random, 60, 60);
+  const map::Map second = random_map(random, 60, 60);
+  BlobExchange gone(
+      quick_options(), 7, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  Network network(1, 0.1, 0.0, 0.01);
+  BlobExchange& tiler = network.add(quick_options());
+  BlobExchange& planner = network.add(quick_options());
+  MapAssembly assembly(planner);
+  assembly.receive(offer_map(first, 32, gone));
+  const messages::MapIndex index = offer_map(second, 32, tiler);
+  int heard = 0;
+  network.run(10.0, [&] {
+    if (++heard <= 3) {
+      assembly.receive(index);
+    }
+    assembly.tick();
+    return assembly.map() != nullptr;
+  });
+  ASSERT_NE(assembly.map(), nullptr);
+  EXPECT_EQ(assembly.map()->hash, second.hash);
+}
+
 TEST(MapExchange, ANewMapReplacesTheOldOneOnceItIsWhole) {
   std::mt19937_64 random(3);
   const map::Map first = random_map(random, 40, 40);

@@ -98,8 +98,7 @@ class BusOnLog : public testing::Test {
 
 TEST_F(BusOnLog, BadMessagesAreCountedByChannelAndDoNotReachHandlers) {
   const Bytes good = to_message(PlanCancel{{1, 2}}, Stamp{Time{1}, 5, 1});
-  Bytes cut = good;
-  cut.pop_back();
+  const Bytes cut(good.begin(), good.end() - 1);
   Bytes foreign = good;
   foreign[0] ^= std::byte{1};
   Bus bus({url_of({{"PLAN_CANCEL", cut},

@@ -94,6 +94,12 @@ TEST(Refusal, MapIndexWithoutSenseIsRefused) {
   refuse("label", [](auto& w) { w.label.assign(200, 'x'); });
   refuse("label", [](auto& w) { w.label = "\x1b[2J"; });
   refuse("patch_number", [](auto& w) { w.patch_number = -1; });
+  // A lone continuation byte, an overlong slash, half of a surrogate pair, a cut character, above
+  // 10FFFF.
+  for (const std::string bad :
+       {"a\x80", "\xC0\xAF", "\xED\xA0\x80", "\xE2\x82", "\xF4\x90\x80\x80"}) {
+    refuse("label is no UTF-8", [&](auto& w) { w.label = bad; });
+  }
 }
 
 TEST(Refusal, ChunkThatDoesNotFitItsBlobIsRefused) {
@@ -350,6 +356,14 @@ TEST(HostileCounts, TextsOfNoLengthOrWithAZeroInsideAreRefused) {
 
 TEST(Sending, ATextWithAZeroInsideCannotBeSent) {
   EXPECT_THROW(encode_planning_config(std::string("a\0b", 3)), std::invalid_argument);
+}
+
+TEST(Sending, StatusTextIsMadeFitToBeRead) {
+  ServiceStatus status = test::example_service_status();
+  status.text = "f\xFC\x1b[2Jr \xC3\xBC \xE2\x82";
+  Stamp stamp;
+  EXPECT_EQ(from_message<ServiceStatus>(to_message(status, kExampleStamp), stamp).text,
+            "f? [2Jr \xC3\xBC ??");
 }
 
 TEST(Sending, WhatNoReaderAcceptsCannotBeSent) {
