@@ -119,10 +119,18 @@ std::string member_of_archive(const fs::path& path) {
   return archive + "/" + rasters.front();
 }
 
+// "n49e011", "s01w078": a hemisphere, two digits, a hemisphere, three digits.
+bool names_a_tile(const std::string& name) {
+  const auto is_digit = [&](std::size_t i) {
+    return std::isdigit(static_cast<unsigned char>(name[i])) != 0;
+  };
+  return name.size() >= 7 && (name[0] == 'n' || name[0] == 's') && is_digit(1) && is_digit(2) &&
+         (name[3] == 'e' || name[3] == 'w') && is_digit(4) && is_digit(5) && is_digit(6);
+}
+
 void check_tile_name(const fs::path& path, const std::string& opened) {
-  static const std::regex kName("[NSns][0-9]{2}[EWew][0-9]{3}.*\\.hgt");
   const std::string name = fs::path(opened).filename().string();
-  if (ends_with(lower(name), ".hgt") && !std::regex_match(name, kName)) {
+  if (ends_with(lower(name), ".hgt") && !names_a_tile(lower(name))) {
     throw DataError(path.string() + ": '" + name +
                         "' does not say where the tile lies; an SRTM tile is named after its "
                         "south-western corner",
