@@ -22,6 +22,14 @@ constexpr std::uint64_t kNoEdge = ~std::uint64_t{0};
 constexpr double kFirstEllipse = 1.25;
 constexpr double kEllipseGrowth = 1.25;
 
+// Before a route is known, the heuristic counts this many times: a metre of path costs several
+// metres, and any route serves to begin with (the inflation of M. P. Strub and J. D. Gammell,
+// "Advanced BIT* (ABIT*)", ICRA 2020, doi:10.1109/ICRA40945.2020.9196580).
+constexpr double kFirstInflation = 10.0;
+
+// Before a route is known, two states of this many are drawn near start and goal.
+constexpr std::int64_t kEndSampleInterval = 10;
+
 }  // namespace
 
 BitStarSearch::BitStarSearch(const FlightEnvelope& envelope, const GlobalOptions& options,
@@ -154,22 +162,51 @@ BitStarSearch::Ellipse BitStarSearch::sampling_ellipse() const {
   return ellipse;
 }
 
+bool BitStarSearch::is_inside(const Ellipse& ellipse, const geo::MapPoint& point) {
+  const double dx_m = point.x_m - ellipse.centre_x_m;
+  const double dy_m = point.y_m - ellipse.centre_y_m;
+  const double along = (dx_m * ellipse.axis_x + dy_m * ellipse.axis_y) / ellipse.half_major_m;
+  const double across = (dy_m * ellipse.axis_x - dx_m * ellipse.axis_y) / ellipse.half_minor_m;
+  return along * along + across * across <= 1.0;
+}
+
 void BitStarSearch::draw_samples() {
   const Ellipse ellipse = sampling_ellipse();
   const std::int64_t attempts_max = 50 * options_.batch_size;
   std::int64_t drawn = 0;
   std::int64_t attempts = 0;
+  const raster::GridGeometry& geometry = envelope_->geometry();
+  const double width_m = geometry.east_m() - geometry.west_m;
+  const double depth_m = geometry.north_m() - geometry.south_m;
+  const double ellipse_m2 = std::numbers::pi * ellipse.half_major_m * ellipse.half_minor_m;
+  const bool is_ellipse_smaller = ellipse_m2 < width_m * depth_m;
   while (drawn < options_.batch_size && attempts < attempts_max && counts_.work_units < budget_) {
     ++attempts;
-    ++counts_.work_units;
-    const double radius = std::sqrt(random_.unit());
-    const double angle_rad = 2.0 * std::numbers::pi * random_.unit();
+    const double first = random_.unit();
+    const double second = random_.unit();
     const double height_share = random_.unit();
-    const double along_m = ellipse.half_major_m * radius * elementary::cos(angle_rad);
-    const double across_m = ellipse.half_minor_m * radius * elementary::sin(angle_rad);
-    const geo::MapPoint point{
-        ellipse.centre_x_m + along_m * ellipse.axis_x - across_m * ellipse.axis_y,
-        ellipse.centre_y_m + along_m * ellipse.axis_y + across_m * ellipse.axis_x};
+    geo::MapPoint point;
+    const std::int64_t place = drawn % kEndSampleInterval;
+    if (!has_route() && place < 2) {
+      // Ways out of and into a narrow valley need more states than its share of the ellipse.
+      const flight::Waypoint& end = place == 0 ? envelope_->start() : envelope_->goal();
+      const double radius_m = 2.0 * options_.end_funnel_m * std::sqrt(first);
+      const double angle_rad = 2.0 * std::numbers::pi * second;
+      point = {end.x_m + radius_m * elementary::cos(angle_rad),
+               end.y_m + radius_m * elementary::sin(angle_rad)};
+    } else if (is_ellipse_smaller) {
+      const double radius = std::sqrt(first);
+      const double angle_rad = 2.0 * std::numbers::pi * second;
+      const double along_m = ellipse.half_major_m * radius * elementary::cos(angle_rad);
+      const double across_m = ellipse.half_minor_m * radius * elementary::sin(angle_rad);
+      point = {ellipse.centre_x_m + along_m * ellipse.axis_x - across_m * ellipse.axis_y,
+               ellipse.centre_y_m + along_m * ellipse.axis_y + across_m * ellipse.axis_x};
+    } else {
+      point = {geometry.west_m + first * width_m, geometry.south_m + second * depth_m};
+      if (!is_inside(ellipse, point)) {
+        continue;
+      }
+    }
     const AltitudeBand band = envelope_->band_at(point);
     if (!band.is_flyable()) {
       continue;
@@ -178,10 +215,11 @@ void BitStarSearch::draw_samples() {
                                  band.low_m + height_share * (band.high_m - band.low_m)};
     append_state(state);
     ++drawn;
+    ++counts_.work_units;
   }
   counts_.samples += drawn;
-  const double area_m2 = std::numbers::pi * ellipse.half_major_m * ellipse.half_minor_m;
-  sampled_area_m2_ = area_m2 * static_cast<double>(drawn) /
+  const double region_m2 = is_ellipse_smaller ? ellipse_m2 : width_m * depth_m;
+  sampled_area_m2_ = region_m2 * static_cast<double>(drawn) /
                      static_cast<double>(std::max<std::int64_t>(attempts, 1));
 }
 
@@ -203,7 +241,7 @@ void BitStarSearch::build_bins() {
   const double count = static_cast<double>(alive.size());
   radius_m_ = options_.radius_factor * 2.0 *
               std::sqrt(1.5 * sampled_area_m2_ / std::numbers::pi * elementary::log(count) / count);
-  radius_m_ = std::max(radius_m_, options_.check_step_m);
+  radius_m_ = std::clamp(radius_m_, options_.check_step_m, options_.radius_max_m);
   bin_m_ = 0.5 * radius_m_;
   bins_west_m_ = west_m;
   bins_south_m_ = south_m;
@@ -272,7 +310,7 @@ void BitStarSearch::begin_batch() {
   queue_.clear();
   if (counts_.batches == 0) {
     consider(kStart, kGoal);
-    push(to_goal_m_[kStart], kStart, -1);
+    push(key_m(0.0, kStart), kStart, -1);
   }
   ++counts_.batches;
   for (std::size_t i = first_new_state_; i < x_m_.size(); ++i) {
@@ -312,6 +350,10 @@ bool BitStarSearch::is_later(const Entry& a, const Entry& b) {
   return a.from != b.from ? a.from > b.from : a.to > b.to;
 }
 
+double BitStarSearch::key_m(double come_m, int state) const {
+  return come_m + (has_route() ? 1.0 : kFirstInflation) * to_goal_m_[state];
+}
+
 void BitStarSearch::push(double key_m, int from, int to) {
   queue_.push_back({key_m, from, to});
   std::push_heap(queue_.begin(), queue_.end(), is_later);
@@ -322,6 +364,16 @@ void BitStarSearch::expand(int from) {
     return;
   }
   expanded_at_m_[from] = come_m_[from];
+  for (int child = first_child_[from]; child >= 0;) {
+    const int next = next_sibling_[child];  // the goal may be detached meanwhile
+    if (const double come_m = come_m_[from] + edge_cost_m_[child]; come_m < come_m_[child]) {
+      reach(child, come_m);
+      if (come_m_[from] == kInfinity) {
+        return;  // the fine check of a route took this state out of the tree
+      }
+    }
+    child = next;
+  }
   for_each_neighbour(from, [&](int to, double length_m) {
     if (come_m_[from] + length_m < come_m_[to] && to != parent_[from]) {
       consider(from, to);
@@ -345,7 +397,7 @@ void BitStarSearch::consider(int from, int to) {
   }
   const double come_m = come_m_[from] + cost_m;
   if (come_m < come_m_[to] && come_m + to_goal_m_[to] < best_cost_m_) {
-    push(come_m + to_goal_m_[to], from, to);
+    push(key_m(come_m, to), from, to);
   }
 }
 
@@ -421,24 +473,17 @@ void BitStarSearch::attach(int from, int to, double cost_m) {
   next_sibling_[to] = first_child_[from];
   first_child_[from] = to;
   edge_cost_m_[to] = cost_m;
-  come_m_[to] = come_m_[from] + cost_m;
-  push(come_m_[to] + to_goal_m_[to], to, -1);
-  update_descendants(to);
-  if (come_m_[kGoal] < best_cost_m_) {
-    accept_goal();
-  }
+  reach(to, come_m_[from] + cost_m);
 }
 
-void BitStarSearch::update_descendants(int root) {
-  std::vector<std::int32_t> open = {root};
-  while (!open.empty()) {
-    const std::int32_t at = open.back();
-    open.pop_back();
-    for (int child = first_child_[at]; child >= 0; child = next_sibling_[child]) {
-      come_m_[child] = come_m_[at] + edge_cost_m_[child];
-      push(come_m_[child] + to_goal_m_[child], child, -1);
-      open.push_back(child);
-    }
+// A state costs less to come to. What lies behind it in the tree learns of that when it is
+// expanded, in the order of the queue: until then its costs are upper bounds.
+void BitStarSearch::reach(int state, double come_m) {
+  come_m_[state] = come_m;
+  if (state != kGoal) {
+    push(key_m(come_m, state), state, -1);
+  } else if (come_m < best_cost_m_) {
+    accept_goal();
   }
 }
 
@@ -472,8 +517,10 @@ void BitStarSearch::detach(int root) {
 // edge that fails leaves the graph.
 void BitStarSearch::accept_goal() {
   std::vector<std::int32_t> path;
+  double cost_m = 0.0;
   for (int at = kGoal; at >= 0; at = parent_[at]) {
     path.push_back(at);
+    cost_m += edge_cost_m_[at];
   }
   std::reverse(path.begin(), path.end());
   for (std::size_t k = 1; k < path.size(); ++k) {
@@ -494,12 +541,29 @@ void BitStarSearch::accept_goal() {
     }
     evaluated->is_fine_checked = true;
   }
-  best_cost_m_ = come_m_[kGoal];
+  const bool is_first = !has_route();
+  come_m_[kGoal] = cost_m;
+  best_cost_m_ = cost_m;
   best_route_.clear();
   for (const std::int32_t at : path) {
     best_route_.push_back(state(static_cast<std::size_t>(at)));
   }
+  if (is_first) {
+    begin_improving();
+  }
   on_event_();
+}
+
+// From the first route on, the queue has the order of an optimal search.
+void BitStarSearch::begin_improving() {
+  queue_.clear();
+  refused_.clear();
+  for (std::size_t i = 0; i < x_m_.size(); ++i) {
+    if (come_m_[i] < kInfinity && i != kGoal) {
+      expanded_at_m_[i] = kInfinity;
+      push(key_m(come_m_[i], static_cast<int>(i)), static_cast<int>(i), -1);
+    }
+  }
 }
 
 void BitStarSearch::run(std::int64_t work_budget, const ShouldStop& should_stop,

@@ -93,16 +93,19 @@ class BitStarSearch {
 
   int append_state(const flight::Waypoint& state);
   void begin_batch();
+  static bool is_inside(const Ellipse& ellipse, const geo::MapPoint& point);
   void draw_samples();
   void build_bins();
   [[nodiscard]] Ellipse sampling_ellipse() const;
+  [[nodiscard]] double key_m(double come_m, int state) const;
+  void begin_improving();
   void push(double key_m, int from, int to);
   void expand(int from);
   void consider(int from, int to);
   void process(const Entry& entry);
   [[nodiscard]] bool is_turn_kept(int from, int to) const;
   void attach(int from, int to, double cost_m);
-  void update_descendants(int root);
+  void reach(int state, double come_m);
   void detach(int root);
   void unlink_child(int parent, int child);
   void accept_goal();

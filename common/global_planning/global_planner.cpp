@@ -122,6 +122,9 @@ GlobalOptions read_global_options(ConfigReader& reader) {
   reader.require(options.batch_size >= 1 && options.batch_size <= 1000000, "batch_size",
                  "must lie between 1 and 1000000");
   positive("radius_factor", options.radius_factor);
+  positive("radius_max_m", options.radius_max_m);
+  reader.require(options.radius_max_m >= options.check_step_m, "radius_max_m",
+                 "must not be below check_step_m");
   options.work_budget = reader.required_integer("work_budget");
   reader.require(options.work_budget >= 1, "work_budget", "must be at least 1");
   reader.finish();
