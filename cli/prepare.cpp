@@ -70,7 +70,7 @@ ExitCode run(const Console& console, const PrepareArguments& arguments) {
   timer.lap("prepare");
   observer->check_stop();
   observer->progress("writing the map", 0.0, 1.0);
-  map::write_map_bundle(prepared.map, prepared.provenance_json, folder.path());
+  map::write_map_bundle(prepared.map, prepared.provenance_json, folder.path(), observer.get());
   observer->progress("writing the map", 1.0, 1.0);
   observer->check_stop();
   folder.commit();

@@ -19,7 +19,7 @@ def reason(output):
     match = re.search(r": Skipped\n(.*?)\n*\[  SKIPPED \]", output, re.S)
     if match and match.group(1).strip():
         return " ".join(match.group(1).split())
-    match = re.search(r"^skipped: (.*)$", output, re.M)
+    match = re.search(r"^skipped: (.*)$", output, re.M | re.I)
     return match.group(1).strip() if match else "the test gives no reason"
 
 

@@ -35,11 +35,12 @@ std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
     const double goal =
         weights.goal *
         (weights.goal_cost == GoalCost::kQuadratic ? off_goal_rad * off_goal_rad : off_goal_rad);
-    if (question.is_goal_only || histogram.risk_weight[k] <= 0.0) {
+    if (question.polar_share <= 0.0 || histogram.risk_weight[k] <= 0.0) {
       return goal;
     }
     const double off_rad = std::fabs(wrap_to_pi(direction_rad - question.heading_math_rad));
-    return goal + (polar[k] - mean) / (off_rad * off_rad * off_rad + weights.polar_offset_rad3);
+    return goal + question.polar_share * (polar[k] - mean) /
+                      (off_rad * off_rad * off_rad + weights.polar_offset_rad3);
   };
 
   std::optional<double> best_rad;

@@ -26,12 +26,12 @@ struct DirectionQuestion {
   double goal_tangent = 0.0;      // climb towards it
   double tangent_min = 0.0;       // climb tangents are held within these for the costs
   double tangent_max = 0.0;       // a sector that needs more is not feasible
-  bool is_goal_only = false;      // only the direction towards the goal counts
+  double polar_share = 1.0;       // of risk and climb costs that counts; 0: only the goal direction
 };
 
 /// Cheapest feasible direction, or nothing.
 ///
-///     cost_k = c_goal g(wrap(k alpha - chi_goal)) + c_p,k (R_k - mean R)
+///     cost_k = c_goal g(wrap(k alpha - chi_goal)) + polar_share c_p,k (R_k - mean R)
 ///     R_k    = risk_k + c_climb t_k + c_climb,rel max(t_k - t_goal, 0)
 ///     c_p,k  = 1 / (|wrap(k alpha - chi)|^3 + c_p,ofst)                                  (6)
 ///

@@ -90,6 +90,7 @@ LocalOptions read_local_options(ConfigReader& reader) {
   options.look_ahead_m = positive(reader, "look_ahead_m");
   options.projection_back_m = not_negative(reader, "projection_back_m");
   options.projection_ahead_m = positive(reader, "projection_ahead_m");
+  options.corridor_m = positive(reader, "corridor_m");
   options.goal_only_distance_m = not_negative(reader, "goal_only_distance_m");
   options.goal_radius_m = positive(reader, "goal_radius_m");
   options.slow_speed_mps = positive(reader, "slow_speed_mps");

@@ -21,6 +21,8 @@ using command_model::CommandModel;
 using command_model::ModelState;
 
 constexpr double kGoalDistanceMin_m = 50.0;  // in the climb towards the target
+constexpr double kGoAroundRadii =
+    3.5;  // of the turning circle, before the flight turns back to a goal
 constexpr double kFallbackReach_rad = 108.0 * kDegree_rad;
 constexpr double kExtraTime_s = 60.0;
 constexpr double kPassSpacing_m = 50.0;  // of the guide that a pass leaves to the next one
@@ -82,20 +84,27 @@ class Decider {
 
     DirectionQuestion question;
     question.heading_math_rad = state.heading_math_rad;
+    const double turn_radius_m =
+        flight::turn_radius_min_m(speed_mps, model_.bank_command_max_rad());
     question.goal_math_rad =
         target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : state.heading_math_rad;
+    if (is_going_around(state, turn_radius_m)) {
+      question.goal_math_rad = outbound_rad_;
+    }
     question.goal_tangent =
         std::clamp((target.altitude_m - state.altitude_m) / std::max(target_m, kGoalDistanceMin_m),
                    tangent_min_, tangent_max);
     question.tangent_min = tangent_min_;
     question.tangent_max = tangent_max;
-    question.is_goal_only =
-        distance_m(guide_.goal().x_m - state.x_m, guide_.goal().y_m - state.y_m) <
-        options_.goal_only_distance_m;
+    const flight::Waypoint nearest = guide_.at(along_m_);
+    const double offset =
+        distance_m(nearest.x_m - state.x_m, nearest.y_m - state.y_m) / options_.corridor_m;
+    const double to_goal_m =
+        distance_m(guide_.goal().x_m - state.x_m, guide_.goal().y_m - state.y_m);
+    question.polar_share =
+        to_goal_m < options_.goal_only_distance_m ? 0.0 : std::max(0.0, 1.0 - offset * offset);
 
-    kernel_.compute(place, state.altitude_m, state.heading_math_rad,
-                    flight::turn_radius_min_m(speed_mps, model_.bank_command_max_rad()),
-                    histogram_);
+    kernel_.compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_);
     const std::optional<double> chosen_rad =
         cheapest_direction_rad(histogram_, kernel_.sectors(), options_.weights, question, scratch_);
 
@@ -144,6 +153,25 @@ class Decider {
   }
 
  private:
+  // A goal that was passed too far aside lies within the turning circle: flying towards it would
+  // orbit it forever. Straight on until it can be reached, then back.
+  bool is_going_around(const ModelState& state, double turn_radius_m) {
+    const double dx_m = guide_.goal().x_m - state.x_m;
+    const double dy_m = guide_.goal().y_m - state.y_m;
+    const double goal_m = distance_m(dx_m, dy_m);
+    const double ahead_m = dx_m * elementary::cos(state.heading_math_rad) +
+                           dy_m * elementary::sin(state.heading_math_rad);
+    const bool is_missed = along_m_ >= guide_.length_m() - kGoalDistanceMin_m && ahead_m <= 0.0 &&
+                           goal_m > options_.goal_radius_m && goal_m < 2.0 * turn_radius_m;
+    if (is_missed && !is_outbound_) {
+      is_outbound_ = true;
+      outbound_rad_ = state.heading_math_rad;
+    } else if (is_outbound_ && goal_m > kGoAroundRadii * turn_radius_m) {
+      is_outbound_ = false;
+    }
+    return is_outbound_;
+  }
+
   [[nodiscard]] double needed_towards(double heading_rad) const {
     return histogram_.tan_masked[static_cast<std::size_t>(kernel_.sectors().of_angle(heading_rad))];
   }
@@ -175,6 +203,8 @@ class Decider {
   PolarHistogram histogram_;
   std::vector<double> scratch_;
   std::int64_t infeasible_decisions_ = 0;
+  bool is_outbound_ = false;
+  double outbound_rad_ = 0.0;
 };
 
 // Watches the approach to the goal.
@@ -273,7 +303,7 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
     ModelState state = initial;
     for (std::int64_t i = 0; !goal.is_reached(state); ++i) {
       if (i % kStepsBetweenReports == 0) {
-        observer.progress("flying the route", pass + decider.along_m() / line.length_m(), options.passes);
+        observer.progress("local", pass + decider.along_m() / line.length_m(), options.passes);
         if (observer.stop_requested()) {
           return flight::NoPlan{flight::NoPlanCause::kStopped, geo::MapPoint{state.x_m, state.y_m},
                                 "Stopped while flying along the route."};
@@ -305,7 +335,7 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
     points = guide_of(flight, kPassSpacing_m);
     points.push_back({line.goal().x_m, line.goal().y_m, state.altitude_m});
   }
-  observer.progress("flying the route", options.passes, options.passes);
+  observer.progress("local", options.passes, options.passes);
   return flight;
 }
 

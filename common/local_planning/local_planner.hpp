@@ -34,6 +34,7 @@ struct LocalOptions {
   double look_ahead_m = 0.0;         // of the target on the guide
   double projection_back_m = 0.0;    // the nearest place on the guide is looked for from this far
   double projection_ahead_m = 0.0;   // behind the last one to this far ahead of it
+  double corridor_m = 0.0;           // risk and climb costs fade to nothing this far off the guide
   double goal_only_distance_m = 0.0;  // nearer to the goal, only its direction counts
   double goal_radius_m = 0.0;         // the goal is reached within this
   double slow_speed_mps = 0.0;        // flown while no sector is feasible
@@ -90,8 +91,13 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// is commanded, with all the climb there is, at `slow_speed_mps`. Flight slows down as well when
 /// the climb ahead needs more than the vehicle has.
 ///
-/// The flight ends at its nearest approach to the goal within `goal_radius_m`. Positions outside
-/// the map and voids count as walls.
+/// Risk and climb costs bend the flight only near the guide: they count with the share
+/// max(0, 1 - (offset / corridor)^2) of the distance to it, so that no weight makes the flight
+/// leave a route that is known to be flyable. Terrain may push it further.
+///
+/// The flight ends at its nearest approach to the goal within `goal_radius_m`. If it passes the
+/// goal further aside, it flies straight on, turns back and tries again. Positions outside the map
+/// and voids count as walls.
 ///
 /// @param guide       at least two different places; altitudes are followed or exceeded
 /// @param initial     state at the first waypoint, within the vehicle's limits; see

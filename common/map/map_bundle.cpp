@@ -133,7 +133,7 @@ struct LayerStyle {
 template <typename T>
 void write_layer(const Map& map, const raster::Grid<T>& grid, const LayerStyle& style,
                  const std::vector<std::pair<std::string, std::string>>& metadata,
-                 const fs::path& file) {
+                 const Observer* observer, const fs::path& file) {
   const MemoryFile memory(file.filename().string());
   {
     GdalErrors errors;
@@ -171,6 +171,9 @@ void write_layer(const Map& map, const raster::Grid<T>& grid, const LayerStyle& 
       band->SetMetadataItem(key.c_str(), value.c_str());
     }
     for (int row = 0; row < grid.rows(); ++row) {
+      if (observer != nullptr) {
+        observer->check_stop();
+      }
       const int file_row = grid.rows() - 1 - row;
       const CPLErr result =
           band->RasterIO(GF_Write, 0, file_row, grid.columns(), 1, const_cast<T*>(grid.row(row)),
@@ -517,27 +520,28 @@ void register_drivers() { GDALAllRegister(); }
 
 }  // namespace
 
-void write_map_bundle(const Map& map, const std::string& provenance_json, const fs::path& folder) {
+void write_map_bundle(const Map& map, const std::string& provenance_json, const fs::path& folder,
+                      const Observer* observer) {
   register_drivers();
   const std::string manifest = manifest_of(map, provenance_json).dump(2) + "\n";
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<std::pair<std::string, std::string>> datum = {
       {"VERTICAL_DATUM", map.vertical_datum}};
-  write_layer(map, map.terrain_m, {"terrain elevation", "m", nan, 1.0}, datum,
+  write_layer(map, map.terrain_m, {"terrain elevation", "m", nan, 1.0}, datum, observer,
               folder / "terrain.tif");
-  write_layer(map, map.surface_m, {"surface elevation", "m", nan, 1.0}, datum,
+  write_layer(map, map.surface_m, {"surface elevation", "m", nan, 1.0}, datum, observer,
               folder / "surface.tif");
   std::vector<std::pair<std::string, std::string>> bits;
   for (const SemanticName& name : semantic_names()) {
     bits.emplace_back("BIT_" + std::to_string(static_cast<std::uint16_t>(name.bit)),
                       std::string(name.name));
   }
-  write_layer(map, map.semantics, {"semantic classes, a bit each", "", 0.0, 1.0}, bits,
+  write_layer(map, map.semantics, {"semantic classes, a bit each", "", 0.0, 1.0}, bits, observer,
               folder / "semantics.tif");
   write_layer(map, map.visibility,
               {"share of the surroundings that sees a point at reference height", "",
                static_cast<double>(kVisibilityUnknown), 1.0 / kVisibilityScale},
-              {}, folder / "visibility.tif");
+              {}, observer, folder / "visibility.tif");
   write_features(map, folder / "features.gpkg");
   write_file_atomically(folder / kMapManifestFile, manifest);
 }

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 
+#include "base/observer.hpp"
 #include "map/map.hpp"
 
 namespace hedgehop::map {
@@ -13,9 +14,10 @@ inline constexpr char kMapManifestFile[] = "manifest.json";
 /// Writes manifest.json, terrain.tif, surface.tif, semantics.tif, visibility.tif and features.gpkg
 /// into an existing, empty folder. `provenance_json` is a JSON object (inputs, settings, tool
 /// version, statistics) that becomes part of the manifest. Same map and provenance, same bytes.
-/// Throws SystemFailure when a file cannot be written.
+/// Throws SystemFailure when a file cannot be written, Interrupted when `observer`, if there is
+/// one, asks to stop.
 void write_map_bundle(const Map& map, const std::string& provenance_json,
-                      const std::filesystem::path& folder);
+                      const std::filesystem::path& folder, const Observer* observer = nullptr);
 
 /// Reads a bundle and checks its schema version, layers and hash. Throws DataError.
 Map read_map_bundle(const std::filesystem::path& folder);

@@ -93,8 +93,32 @@ bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
+// GDAL compares a member's checksum only when it is read from end to end, which a driver need not
+// do.
+void check_member(const fs::path& path, const std::string& archive, const std::string& member) {
+  const std::string name = archive + "/" + member;
+  GdalErrors errors;
+  VSIStatBufL status{};
+  VSILFILE* file = VSIStatL(name.c_str(), &status) == 0 ? VSIFOpenL(name.c_str(), "rb") : nullptr;
+  std::uint64_t size = 0;
+  if (file != nullptr) {
+    std::vector<char> block(std::size_t{1} << 20);
+    for (std::size_t got = block.size(); got == block.size(); size += got) {
+      got = VSIFReadL(block.data(), 1, block.size(), file);
+    }
+    VSIFCloseL(file);
+  }
+  if (file == nullptr || size != static_cast<std::uint64_t>(status.st_size) ||
+      !errors.first().empty()) {
+    throw DataError(path.string() + ": its content '" + member + "' is damaged" +
+                        (errors.first().empty() ? "" : ": " + errors.first()),
+                    "it may have been cut off while it was fetched; fetch it again");
+  }
+}
+
 // The one raster inside a .zip.
 std::string member_of_archive(const fs::path& path) {
+  const GdalErrors silent;
   const std::string archive = "/vsizip/{" + path.string() + "}";
   const CPLStringList members(VSIReadDirRecursive(archive.c_str()));
   if (members.empty()) {
@@ -116,6 +140,7 @@ std::string member_of_archive(const fs::path& path) {
                         " elevation rasters, one is needed",
                     "unpack it and name the files that you want");
   }
+  check_member(path, archive, rasters.front());
   return archive + "/" + rasters.front();
 }
 
@@ -645,6 +670,7 @@ geo::GeodeticBox ElevationSource::extent() const {
 ElevationLayers ElevationSource::on_grid(const raster::GridGeometry& geometry,
                                          const std::string& crs_wkt, int threads,
                                          Observer& observer) const {
+  const GdalErrors silent;
   OGRSpatialReference map_crs;
   if (map_crs.importFromWkt(crs_wkt.c_str()) != OGRERR_NONE) {
     throw std::invalid_argument("on_grid: not a coordinate system: " + crs_wkt);

@@ -167,7 +167,7 @@ class BadInputOfPrepare(CliTest):
     def test_elevation_of_voids_alone(self):
         void = self.work / "N49E011.hgt"
         inputs.write_all_void_hgt(void)
-        self.assert_refused(self.prepare(void), 5, ["N49E011.hgt"], advice="void|no elevation|unknown")
+        self.assert_refused(self.prepare(void), 5, ["void", "11.4", "49.58"], advice="--dem")
 
     def test_land_use_without_nodes(self):
         bare = self.work / "bare.osm"
@@ -186,10 +186,13 @@ class BadInputOfPrepare(CliTest):
         self.assert_refused(self.prepare(self.hgt, "--osm", wrong), 5, ["wrong.osm.pbf"])
 
     def test_bounding_box_outside_the_elevation(self):
-        self.assert_refused(self.prepare(self.hgt, bbox="20.1,60.1,20.2,60.2"), 5, ["N49E011"], advice="--bbox|extent|cover")
+        self.assert_refused(self.prepare(self.hgt, bbox="20.1,60.1,20.2,60.2"), 5, ["20.1", "60.2", "10.99", "50.00"],
+                            advice="bounding box")
 
-    def test_bounding_box_half_outside_the_elevation(self):
-        self.assert_refused(self.prepare(self.hgt, bbox="10.9,49.5,11.1,49.6"), 5, [], advice="--bbox|extent|cover|void")
+    def test_bounding_box_half_outside_the_elevation_is_a_remark(self):
+        result = self.hedgehop(*self.prepare(self.hgt, bbox="10.9,49.5,11.1,49.6"))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertRegex(result.stderr, r"(?m)^note: (49|50|51)(\.\d+)? % of the map has no elevation")
 
     def test_bounding_box_inside_out(self):
         self.assert_refused(self.prepare(self.hgt, bbox="11.5,49.6,11.4,49.5"), 2, [], advice="bbox|extent|west")

@@ -29,7 +29,7 @@ DirectionWeights plain_weights(GoalCost goal_cost = GoalCost::kQuadratic) {
 }
 
 DirectionQuestion towards(double goal_rad, double heading_rad) {
-  return {heading_rad, goal_rad, 0.0, -0.17, 0.18, false};
+  return {heading_rad, goal_rad, 0.0, -0.17, 0.18, 1.0};
 }
 
 class Direction : public ::testing::Test {
@@ -99,7 +99,7 @@ TEST_F(Direction, NearTheGoalOnlyItsDirectionCounts) {
     histogram.risk[k] = 5.0 * std::sin(static_cast<double>(k) * 2.0 * kPi / kCount);
   }
   DirectionQuestion question = towards(0.7, 0.0);
-  question.is_goal_only = true;
+  question.polar_share = 0.0;
   EXPECT_EQ(cheapest_direction_rad(histogram, sectors_, plain_weights(), question, scratch_), 0.7);
 }
 

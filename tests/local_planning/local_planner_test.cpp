@@ -134,6 +134,40 @@ TEST(LocalPlanner, RiskOnOneSideBendsTheFlightToTheOther) {
   }
 }
 
+TEST(LocalPlanner, NoRiskDrivesTheFlightOutOfItsCorridor) {
+  auto map = test::make_map(200, 200, 30.0, [](double, double) { return 100.0; });
+  for (int row = 0; row < 200; ++row) {
+    for (int column = 0; column < 200; ++column) {
+      map.visibility.at(column, row) = test::stored_visibility(1.0 - row / 200.0);
+    }
+  }
+  test::finish_map(map);
+  const std::vector<flight::Waypoint> guide{{1500, 3000, 130}, {4500, 3000, 130}};
+  LocalOptions options = test::shipped_local_options("local.weights.visibility=100");
+  const auto pulled = std::get<Flight>(flown(map, guide, options));
+  double aside_m = 0.0;
+  for (const FlownStep& step : pulled.steps) {
+    aside_m = std::max(aside_m, std::fabs(step.state.y_m - 3000.0));
+  }
+  EXPECT_GT(aside_m, 50.0);
+  EXPECT_LT(aside_m, options.corridor_m + 287.0) << "the corridor, and the radius of turning back";
+  EXPECT_LE(distance_to_goal_m(pulled, guide), 50.0);
+}
+
+TEST(LocalPlanner, GoalInsideTheTurningCircleIsReachedOnASecondApproach) {
+  // The goal lies 150 m abeam; the tightest turn at 40 m/s has 287 m of radius.
+  const auto map = test::make_map(200, 200, 30.0, [](double, double) { return 100.0; });
+  const std::vector<flight::Waypoint> guide{{3000, 3000, 130}, {3000, 3150, 130}};
+  const auto vehicle = test::shipped_vehicle();
+  SilentObserver observer;
+  const auto result = fly_along(test::test_costs(map), vehicle,
+                                test::shipped_local_options("local.length_factor_max=30"), guide,
+                                command_model::trimmed_state(3000, 3000, 130, kSpeed_mps, 0.0, 0.0),
+                                kSpeed_mps, {}, observer);
+  ASSERT_TRUE(std::holds_alternative<Flight>(result));
+  EXPECT_LE(distance_to_goal_m(std::get<Flight>(result), guide), 50.0);
+}
+
 TEST(LocalPlanner, BentGuideIsFlownWithinTheVehiclesLimits) {
   const auto map = test::make_map(300, 300, 30.0, [](double, double) { return 100.0; });
   const std::vector<flight::Waypoint> guide{
