@@ -126,13 +126,19 @@ TEST(PacketReader, AFloodOfBeginningsStaysWithinItsMemory) {
   getrusage(RUSAGE_SELF, &before);
   PacketReader reader;
   const Bytes part(60'000, std::byte{1});
-  for (std::uint32_t i = 0; i < 20'000; ++i) {  // 1.2 GB
+  for (std::uint32_t i = 0; i < 10'000; ++i) {  // 600 MB
     reader.read(piece(i, 15'000'000, 0, 0, 300, "A", part), i % 7);
   }
   rusage after{};
   getrusage(RUSAGE_SELF, &after);
-  EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 80 * 1024);
-  EXPECT_GT(reader.abandoned(), 19'000);
+#ifdef __SANITIZE_ADDRESS__
+  constexpr std::int64_t kLimit_KiB =
+      400 * 1024;  // the sanitizer keeps 256 MB of freed memory back
+#else
+  constexpr std::int64_t kLimit_KiB = 80 * 1024;
+#endif
+  EXPECT_LT(after.ru_maxrss - before.ru_maxrss, kLimit_KiB);
+  EXPECT_GT(reader.abandoned(), 9'000);
 }
 
 TEST(PacketReader, RandomPacketsNeverGiveMoreThanCameIn) {
