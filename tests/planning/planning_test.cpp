@@ -1,6 +1,7 @@
 #include "planning/planning.hpp"
 
 #include <cmath>
+#include <cstring>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <numbers>
