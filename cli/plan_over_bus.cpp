@@ -73,6 +73,11 @@ class Conversation {
 
   std::variant<flight::Plan, flight::NoPlan> run(const flight::PlanRequest& request,
                                                  const std::string& config_text) {
+    if (request.via.size() > messages::kMaxVia) {
+      throw UsageError("a request over the bus holds at most " + std::to_string(messages::kMaxVia) +
+                           " --via places, this one has " + std::to_string(request.via.size()),
+                       "`hedgehop plan` takes more");
+    }
     find_map();
     messages::PlanRequestMessage message;
     message.request = request;

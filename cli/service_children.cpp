@@ -18,6 +18,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
+constexpr char kLogger[] = "flight_logger";
 constexpr int kRestartsMax = 3;
 constexpr double kHeardTimeout_s = 15.0;
 constexpr double kStopTimeout_s = 5.0;
@@ -58,7 +59,7 @@ bool is_final(int status) {
 }  // namespace
 
 ServiceChildren::ServiceChildren(const Console& console, bus::Bus& bus, const ServiceSetup& setup)
-    : console_(console), bus_(bus) {
+    : console_(console), bus_(bus), log_(setup.log) {
   const auto add = [&](const std::string& name, const std::vector<std::string>& options) {
     Child child;
     child.name = name;
@@ -72,7 +73,7 @@ ServiceChildren::ServiceChildren(const Console& console, bus::Bus& bus, const Se
   const std::vector<std::string> threads =
       setup.threads > 0 ? std::vector<std::string>{"--threads", std::to_string(setup.threads)}
                         : std::vector<std::string>{};
-  add("flight_logger", {"--out", setup.log.string()});
+  add(kLogger, {"--out", setup.log.string()});
   add("map_tiler", {"--map", setup.map.string()});
   add("global_planner", threads);
   add("local_planner", threads);
@@ -105,6 +106,12 @@ ServiceChildren::ServiceChildren(const Console& console, bus::Bus& bus, const Se
 ServiceChildren::~ServiceChildren() { stop(); }
 
 void ServiceChildren::start(Child& child) {
+  if (child.name == kLogger && child.starts > 0) {  // what it recorded so far is kept
+    std::filesystem::path next = log_;
+    next.replace_filename(log_.stem().string() + "-" + std::to_string(child.starts + 1) +
+                          log_.extension().string());
+    child.command.back() = next.string();
+  }
   std::vector<char*> arguments;
   for (std::string& argument : child.command) {
     arguments.push_back(argument.data());
@@ -212,7 +219,9 @@ int ServiceChildren::stop(std::size_t first, std::size_t last) {
         continue;
       }
       child.process_id = 0;
-      if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+      // Before it listens to signals, SIGTERM ends a child without a word.
+      const bool is_unborn = !child.is_heard && WIFSIGNALED(status) && WTERMSIG(status) == SIGTERM;
+      if (!is_unborn && (!WIFEXITED(status) || WEXITSTATUS(status) != 0)) {
         std::fprintf(stderr, "warning: %s %s\n", child.name.c_str(), end_text(status).c_str());
         ++failures;
       }

@@ -28,7 +28,8 @@ struct ServiceSetup {
 class ServiceChildren {
  public:
   /// Starts the flight logger, waits until it is on the bus, then starts the others and waits for
-  /// them. `bus` hears their SERVICE_STATUS. Throws UserError with the exit code of a service that
+  /// them. `bus` hears their SERVICE_STATUS and must not be polled once
+  /// this object is gone. Throws UserError with the exit code of a service that
   /// ends meanwhile, BusError if one stays silent, Interrupted on Ctrl-C.
   ServiceChildren(const Console& console, bus::Bus& bus, const ServiceSetup& setup);
   /// Ends them.
@@ -36,8 +37,9 @@ class ServiceChildren {
   ServiceChildren(const ServiceChildren&) = delete;
   ServiceChildren& operator=(const ServiceChildren&) = delete;
 
-  /// Reports children that have ended and starts them again after a pause of 1, 2, then 4 s. Call
-  /// it a few times a second. Throws UserError when one cannot go on.
+  /// Reports children that have ended and starts them again after a pause of 1, 2, then 4 s; a
+  /// logger goes on in another file, "flight-2.lcmlog". Call it a few times a second. Throws
+  /// UserError when one cannot go on.
   void watch();
 
   /// SIGTERM to all, the logger last; SIGKILL to those that have not ended after 5 s. Returns the
@@ -60,6 +62,7 @@ class ServiceChildren {
 
   const Console& console_;
   bus::Bus& bus_;
+  std::filesystem::path log_;
   std::vector<Child> children_;  // the logger first
 };
 

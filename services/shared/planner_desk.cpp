@@ -1,5 +1,6 @@
 #include "planner_desk.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -16,6 +17,7 @@ namespace {
 using messages::PlanState;
 
 constexpr double kTurnPeriod_s = 0.05;
+constexpr int kWaitingMax = 64;
 
 std::string short_id(const Hash128& id) { return id.hex().substr(0, 8); }
 
@@ -46,6 +48,7 @@ struct PlannerDesk::Job {
   bool is_lack_named = false;
   bool is_asked_again = false;
   bool is_cancelled = false;
+  bool is_wanted_after_all = false;  // asked again before the cancellation took effect
   Time next_status;
   Answer answer;
 
@@ -140,11 +143,21 @@ void PlannerDesk::receive(Question question) {
   Job* job = job_of(question.request_id);
   if (job != nullptr && job->status.state != PlanState::kRefused &&
       job->status.state != PlanState::kCancelled) {
-    job->is_asked_again = true;
+    (job->is_cancelled ? job->is_wanted_after_all : job->is_asked_again) = true;
     return;
   }
   if (job != nullptr) {
     jobs_.remove_if([&](const Job& other) { return &other == job; });
+  }
+  if (std::count_if(jobs_.begin(), jobs_.end(),
+                    [](const Job& other) { return !other.is_over(); }) >= kWaitingMax) {
+    messages::PlanStatus status;
+    status.request_id = question.request_id;
+    status.stage = stage_;
+    status.state = PlanState::kRefused;
+    status.text = std::to_string(kWaitingMax) + " requests wait already; ask again later";
+    bus_.publish(messages::kPlanStatusChannel, status, bus_.now());
+    return;
   }
   Job& added = jobs_.emplace_back();
   added.status.request_id = question.request_id;
@@ -205,9 +218,7 @@ void PlannerDesk::tick(Time now) {
       continue;
     }
     if (job.is_cancelled) {
-      job.status.state = PlanState::kCancelled;
-      job.status.text = "cancelled";
-      forget_input(job);
+      cancel(job);
       publish_status(job, now);
     } else if (is_ready(job)) {
       work(job);
@@ -240,6 +251,20 @@ void PlannerDesk::wait(Job& job, Time now) {
   publish_status(job, now);
 }
 
+void PlannerDesk::cancel(Job& job) {
+  job.is_cancelled = false;
+  job.status = {.request_id = job.question.request_id,
+                .stage = stage_,
+                .state = job.is_wanted_after_all ? PlanState::kWaiting : PlanState::kCancelled,
+                .best_cost_m = {},
+                .no_plan = {},
+                .text = job.is_wanted_after_all ? "asked again" : "cancelled"};
+  if (!job.is_wanted_after_all) {
+    forget_input(job);
+  }
+  job.is_wanted_after_all = false;
+}
+
 void PlannerDesk::work(Job& job) {
   const std::string title = short_id(job.question.request_id);
   loop_.set_state(messages::ServiceState::kWorking, "planning request " + title);
@@ -257,9 +282,12 @@ void PlannerDesk::work(Job& job) {
   };
   try {
     auto result = job.question.plan(*map, *exchange_.content(job.question.input.id), observer);
-    if (job.is_cancelled) {
-      job.status.state = PlanState::kCancelled;
-      job.status.text = "cancelled";
+    // A planner that is told to stop gives the best that it has so far; that is no answer.
+    if (job.is_cancelled || bus::stop_requested()) {
+      if (const auto* answer = std::get_if<Answer>(&result)) {
+        exchange_.withdraw(answer->blob_id);
+      }
+      cancel(job);
     } else if (auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
       job.status.state = PlanState::kNoPlan;
       job.status.text = no_plan->explanation;
@@ -270,25 +298,16 @@ void PlannerDesk::work(Job& job) {
       job.status.text.clear();
     }
   } catch (const Interrupted&) {
-    job.status.state = PlanState::kCancelled;
-    job.status.text = job.is_cancelled ? "cancelled" : "the planner was stopped";
+    cancel(job);
   } catch (const UserError& error) {
     refuse(error.hint().empty() ? error.what() : error.what() + ("; " + error.hint()));
   } catch (const std::exception& error) {
     refuse(error.what());
   }
   working_ = nullptr;
-  if (bus::stop_requested() && job.status.state != PlanState::kDone) {
-    job.status = {.request_id = job.question.request_id,
-                  .stage = stage_,
-                  .state = PlanState::kCancelled,
-                  .best_cost_m = {},
-                  .no_plan = {},
-                  .text = "the planner was stopped"};
-  }
   if (job.status.state == PlanState::kDone) {
     job.answer.publish();
-  } else if (job.status.state != PlanState::kNoPlan) {
+  } else if (job.status.state == PlanState::kRefused) {
     forget_input(job);
   }
   publish_status(job, bus_.now());

@@ -82,6 +82,7 @@ class PlannerDesk {
   [[nodiscard]] std::string lack_of(const Job& job) const;
   [[nodiscard]] Job* job_of(const Hash128& request_id);
   void wait(Job& job, Time now);
+  void cancel(Job& job);
   void work(Job& job);
   void answer_again();
   void publish_status_if_due(Job& job, Time now);

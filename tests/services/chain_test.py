@@ -265,7 +265,11 @@ def a_service_that_dies_is_started_again(setup):
     os.kill(int(lines[0][-1]), signal.SIGKILL)
     wait(lambda: "global_planner starts again" in setup.text(serve), 10, lambda: setup.text(serve))
     check("Killed" in setup.text(serve), "the cause is not reported")
+    lines = [line.split() for line in setup.text(serve).splitlines() if line.startswith("flight_logger ")]
+    os.kill(int(lines[0][-1]), signal.SIGKILL)
     setup.request("after")
+    second = setup.folder / "flight-2.lcmlog"
+    wait(lambda: second.exists() and b"SERVICE_STATUS" in second.read_bytes(), 10, lambda: setup.text(serve))
     check(stop(serve) == 0, setup.text(serve))
 
 
