@@ -21,6 +21,8 @@ using command_model::CommandModel;
 using command_model::ModelState;
 
 constexpr double kGoalDistanceMin_m = 50.0;  // in the climb towards the target
+constexpr double kReachMin_m =
+    100.0;  // the histogram looks at least this far when the goal is near
 constexpr double kGoAroundRadii =
     3.5;  // of the turning circle, before the flight turns back to a goal
 constexpr double kFallbackReach_rad = 108.0 * kDegree_rad;
@@ -61,6 +63,7 @@ class Decider {
         options_(options),
         kernel_(surroundings, histogram_options),
         speed_mps_(speed_mps),
+        disc_radius_m_(histogram_options.disc_radius_m),
         tangent_min_(elementary::tan(options.climb_angle_min_rad)) {
     heading_.reset(initial.heading_math_rad);
     climb_.reset(elementary::atan(initial.climb_rate_mps / initial.speed_mps));
@@ -104,7 +107,11 @@ class Decider {
     question.polar_share =
         to_goal_m < options_.goal_only_distance_m ? 0.0 : std::max(0.0, 1.0 - offset * offset);
 
-    kernel_.compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_);
+    // Ground beyond the goal is never flown over.
+    const double reach_m = is_outbound_ ? std::numeric_limits<double>::infinity()
+                                        : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
+    kernel_.compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
+                    reach_m);
     const std::optional<double> chosen_rad =
         cheapest_direction_rad(histogram_, kernel_.sectors(), options_.weights, question, scratch_);
 
@@ -196,6 +203,7 @@ class Decider {
   const LocalOptions& options_;
   HistogramKernel kernel_;
   double speed_mps_;
+  double disc_radius_m_;
   double tangent_min_;
   double along_m_ = 0.0;
   Indicator heading_;

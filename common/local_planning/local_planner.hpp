@@ -95,19 +95,16 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// max(0, 1 - (offset / corridor)^2) of the distance to it, so that no weight makes the flight
 /// leave a route that is known to be flyable. Terrain may push it further.
 ///
-/// The flight ends at its nearest approach to the goal within `goal_radius_m`. If it passes the
-/// goal further aside, it flies straight on, turns back and tries again. Positions outside the map
-/// and voids count as walls.
+/// Ground beyond the goal does not count. The flight ends at its nearest approach to the goal
+/// within `goal_radius_m`. If it passes the goal further aside, it flies straight on, turns back
+/// and tries again. Positions outside the map and voids count as walls.
 ///
 /// @param guide       at least two different places; altitudes are followed or exceeded
-/// @param initial     state at the first waypoint, within the vehicle's limits; see
-/// state_at_start()
+/// @param initial     state at the first waypoint, within the vehicle's limits
 /// @param step_model  empty: the command model is stepped in process
-/// @return  the flight of the last pass; counts are of all passes. NoPlan with kLocalPlannerStuck
-/// and
+/// @return  the flight of the last pass; counts are of all passes. NoPlan: kLocalPlannerStuck with
 ///          the place when the goal is not reached, kStopped when the observer says so.
-/// @throws std::invalid_argument  for a guide or state that is not finite, or a speed out of
-/// limits.
+/// @throws std::invalid_argument  for a guide or state that is not finite, a speed out of limits.
 /// @note  A function of its arguments alone, as far as `step_model` is one.
 std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                                const command_model::Vehicle& vehicle,

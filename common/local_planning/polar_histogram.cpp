@@ -73,7 +73,7 @@ HistogramKernel::HistogramKernel(const Surroundings& surroundings, const Histogr
 
 void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
                               double heading_math_rad, double turn_radius_min_m,
-                              PolarHistogram& histogram) {
+                              PolarHistogram& histogram, double reach_m) {
   const int count = sectors_.count();
   const auto size = static_cast<std::size_t>(count);
   std::fill(climb_.begin(), climb_.end(), kNothing);
@@ -86,6 +86,8 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
   const double cell_m = geometry.cell_m;
   const double window_m = options_.window_m;
   const double window_m2 = window_m * window_m;
+  const double range_m = std::min(window_m, reach_m);
+  const double range_m2 = range_m * range_m;
   const double disc_m = options_.disc_radius_m;
   const double disc_m2 = disc_m * disc_m;
   const double truncation_m2 = options_.truncation_distance_m * options_.truncation_distance_m;
@@ -104,12 +106,12 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
   const auto last_index = [&](double high_m) {
     return static_cast<int>(std::floor(high_m / cell_m - 0.5));
   };
-  const int row_low = std::max(0, first_index(place.y_m - window_m - geometry.south_m));
+  const int row_low = std::max(0, first_index(place.y_m - range_m - geometry.south_m));
   const int row_high =
-      std::min(geometry.rows - 1, last_index(place.y_m + window_m - geometry.south_m));
+      std::min(geometry.rows - 1, last_index(place.y_m + range_m - geometry.south_m));
   for (int row = row_low; row <= row_high; ++row) {
     const double dy_m = geometry.south_m + (row + 0.5) * cell_m - place.y_m;
-    const double half_m = std::sqrt(std::max(0.0, window_m2 - dy_m * dy_m));
+    const double half_m = std::sqrt(std::max(0.0, range_m2 - dy_m * dy_m));
     const int column_low = std::max(0, first_index(place.x_m - half_m - geometry.west_m));
     const int column_high =
         std::min(geometry.columns - 1, last_index(place.x_m + half_m - geometry.west_m));
@@ -118,7 +120,7 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
     for (int column = column_low; column <= column_high; ++column) {
       const double dx_m = geometry.west_m + (column + 0.5) * cell_m - place.x_m;
       const double d_m2 = dx_m * dx_m + dy_m * dy_m;
-      if (d_m2 > window_m2) {
+      if (d_m2 > range_m2) {
         continue;
       }
       const double too_high_m = static_cast<double>(surface_m[column]) - floor_m;  // N

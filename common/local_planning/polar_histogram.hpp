@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "local_planning/surroundings.hpp"
@@ -91,8 +92,10 @@ class HistogramKernel {
 
   /// @param turn_radius_min_m  r_min of the coordinated turn at the present speed
   /// @param histogram          overwritten; memory is reused
+  /// @param reach_m            cells further away than this are left out even within the window
   void compute(const geo::MapPoint& place, double altitude_m, double heading_math_rad,
-               double turn_radius_min_m, PolarHistogram& histogram);
+               double turn_radius_min_m, PolarHistogram& histogram,
+               double reach_m = std::numeric_limits<double>::infinity());
 
   [[nodiscard]] const Sectors& sectors() const { return sectors_; }
 

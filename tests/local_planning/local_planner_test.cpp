@@ -168,6 +168,18 @@ TEST(LocalPlanner, GoalInsideTheTurningCircleIsReachedOnASecondApproach) {
   EXPECT_LE(distance_to_goal_m(std::get<Flight>(result), guide), 50.0);
 }
 
+TEST(LocalPlanner, CliffBehindTheGoalDoesNotTurnTheFlightAway) {
+  const auto map = test::make_map(220, 200, 30.0,
+                                  [](double x_m, double) { return x_m > 4700.0 ? 600.0 : 100.0; });
+  const std::vector<flight::Waypoint> guide{{1500, 3000, 125}, {4500, 3000, 125}};
+  const auto flight = std::get<Flight>(flown(map, guide, test::shipped_local_options()));
+  EXPECT_LE(distance_to_goal_m(flight, guide), 50.0);
+  EXPECT_LT(static_cast<double>(flight.steps.size()) * 0.05 * kSpeed_mps, 3100.0);
+  for (const FlownStep& step : flight.steps) {
+    ASSERT_LT(step.state.altitude_m, 150.0) << "nor make it climb";
+  }
+}
+
 TEST(LocalPlanner, BentGuideIsFlownWithinTheVehiclesLimits) {
   const auto map = test::make_map(300, 300, 30.0, [](double, double) { return 100.0; });
   const std::vector<flight::Waypoint> guide{
