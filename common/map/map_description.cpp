@@ -130,7 +130,7 @@ std::string map_description_text(const Map& map, const std::string& manifest_jso
   const Json statistics = statistics_of(map);
   std::ostringstream text;
   const auto line = [&](const char* what, const std::string& value) {
-    text << std::left << std::setw(18) << what << value << "\n";
+    text << std::left << std::setw(24) << what << value << "\n";
   };
   if (!map.label.empty()) {
     line("label", map.label);
@@ -197,6 +197,7 @@ std::string place_description_json(const Map& map, const geo::GeodeticPosition& 
   const double terrain_m = static_cast<double>(map.terrain_m.at(place.cell));
   const double surface_m = static_cast<double>(map.surface_m.at(place.cell));
   Json result;
+  result["schema_version"] = 1;
   result["latitude_deg"] = number_or_null(degrees_from_radians(position.latitude_rad), 1e-8);
   result["longitude_deg"] = number_or_null(degrees_from_radians(position.longitude_rad), 1e-8);
   result["x_m"] = place.point.x_m;
@@ -224,7 +225,7 @@ std::string place_description_text(const Map& map, const geo::GeodeticPosition& 
   const Json place = Json::parse(place_description_json(map, position));
   std::ostringstream text;
   const auto line = [&](const char* what, const std::string& value) {
-    text << std::left << std::setw(18) << what << value << "\n";
+    text << std::left << std::setw(24) << what << value << "\n";
   };
   const auto metres = [&](const char* key) {
     std::ostringstream value;
