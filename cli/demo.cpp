@@ -132,8 +132,7 @@ ExitCode run(const Console& console, const DemoArguments& arguments) {
 
   const std::filesystem::path done = arguments.out;
   const ExitCode code = report_plan(console, plan, (done / "plan").string());
-  console.say("pictures      " + (done / "plan" / "figures" / "map.png").string() +
-              "\n              " + (done / "plan" / "figures" / "profile.png").string());
+  console.say("picture       " + (done / "plan" / "figures" / "plan.png").string());
   console.say("log           " + (done / "flight.lcmlog").string() +
               " (hedgehop log info, hedgehop replay, lcm-logplayer)");
   return code;
