@@ -77,7 +77,7 @@ TEST(PlannerServices, ProgressIsToldWhileARouteIsPlanned) {
   chain.add_map_tiler(hills());
   chain.add_global_planner();
   flight::PlanRequest request = test::across_the_hills(hills());
-  request.work_budget = 150000;
+  request.work_budget = 100000;
   chain.ask(request, hills().hash, shipped_planning().text);
   ASSERT_TRUE(chain.turn_until([&] { return chain.is_global(PlanState::kDone); }));
 
@@ -89,7 +89,7 @@ TEST(PlannerServices, ProgressIsToldWhileARouteIsPlanned) {
     newest = status.work_units;
   }
   EXPECT_GE(rises, 1);
-  EXPECT_LE(newest, 150000);
+  EXPECT_LE(newest, 100000);
 }
 
 TEST(PlannerServices, ACancellationStopsARunningPlanAndARequestAfterItIsServed) {
