@@ -492,7 +492,7 @@ void BlobExchange::tick(Time now) {
   impl.now = now;
   impl.tokens_bytes =
       std::min(impl.options.send_burst_bytes,
-               impl.tokens_bytes + std::max(elapsed_s, 0.0) * impl.options.send_rate_Bps);
+               impl.tokens_bytes + std::max(elapsed_s, 0.0) * impl.options.send_rate_bytesps);
   impl.send_what_the_pace_allows();
   impl.ask();
 }

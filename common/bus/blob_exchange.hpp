@@ -16,7 +16,7 @@ namespace hedgehop::bus {
 class Bus;
 
 struct BlobExchangeOptions {
-  double send_rate_Bps = 8e6;  // pace of chunks, payload bytes per second
+  double send_rate_bytesps = 8e6;  // pace of chunks, payload bytes per second
   double send_burst_bytes = 65536.0;
   double ask_pause_s = 0.15;                  // silence before missing chunks are asked for again
   double ask_pause_max_s = 2.0;               // pauses double up to this while nothing arrives

@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
       return 0;
     }
     bus::Bus bus(arguments->bus);
-    bus::BlobExchange exchange({.send_rate_Bps = options.send_rate_Bps}, bus);
+    bus::BlobExchange exchange({.send_rate_bytesps = options.send_rate_bytesps}, bus);
     bus::ServiceLoop loop(bus, exchange, "map_tiler", config.hash());
     services::MapTilerService service(options, services::read_map(*arguments), bus, exchange);
     loop.run(options.index_period_s, [&](Time now) { service.tick(now); });

@@ -10,14 +10,14 @@ MapTilerOptions read_map_tiler_options(ConfigReader reader) {
   MapTilerOptions options;
   options.index_period_s = reader.required_double("index_period_s");
   options.tile_cells = static_cast<int>(reader.required_integer("tile_cells"));
-  options.send_rate_Bps = reader.required_double("send_rate_Bps");
+  options.send_rate_bytesps = reader.required_double("send_rate_bytesps");
   reader.finish();
   reader.require(options.index_period_s >= 0.05 && options.index_period_s <= 10.0, "index_period_s",
                  "must lie between 0.05 and 10");
   reader.require(options.tile_cells >= 16 && options.tile_cells <= 1024, "tile_cells",
                  "must lie between 16 and 1024");
-  reader.require(options.send_rate_Bps >= 1e4 && options.send_rate_Bps <= 1e9, "send_rate_Bps",
-                 "must lie between 1e4 and 1e9");
+  reader.require(options.send_rate_bytesps >= 1e4 && options.send_rate_bytesps <= 1e9,
+                 "send_rate_bytesps", "must lie between 1e4 and 1e9");
   return options;
 }
 

@@ -14,7 +14,7 @@ namespace hedgehop::services {
 struct MapTilerOptions {
   double index_period_s = 0.0;
   int tile_cells = 0;
-  double send_rate_Bps = 0.0;
+  double send_rate_bytesps = 0.0;
 };
 MapTilerOptions read_map_tiler_options(ConfigReader reader);
 

@@ -361,10 +361,8 @@ void PlannerDesk::forget_input(const Job& job) {
 }
 
 void PlannerDesk::drop_old_answers() {
-  int kept = 0;
-  for (auto job = jobs_.rbegin(); job != jobs_.rend(); ++job) {
-    kept += job->is_over() ? 1 : 0;
-  }
+  auto kept =
+      std::count_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return job.is_over(); });
   for (auto job = jobs_.begin(); job != jobs_.end() && kept > options_.kept_answers;) {
     if (!job->is_over()) {
       ++job;

@@ -23,6 +23,8 @@ ConfigReader ServiceConfig::reader() const { return ConfigReader::from_text(text
 Hash128 ServiceConfig::hash() const { return hash128(canonical_config(text, name)); }
 
 struct ThreadLimit::Control {
+  explicit Control(std::size_t threads)
+      : control(tbb::global_control::max_allowed_parallelism, threads) {}
   tbb::global_control control;
 };
 
@@ -40,8 +42,7 @@ ThreadLimit::ThreadLimit(const bus::ServiceArguments& arguments) {
   if (error != std::errc() || end != text.data() + text.size() || threads < 1 || threads > 1024) {
     throw UsageError("--threads '" + text + "' is not a number from 1 to 1024");
   }
-  control_.reset(
-      new Control{tbb::global_control(tbb::global_control::max_allowed_parallelism, threads)});
+  control_ = std::make_unique<Control>(threads);
 }
 
 ThreadLimit::~ThreadLimit() = default;

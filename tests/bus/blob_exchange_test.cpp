@@ -231,7 +231,7 @@ TEST(BlobExchange, QuestionsGrowRareWhileNobodyAnswersAndComeBackWithNewWishes) 
 TEST(BlobExchange, SendingKeepsItsPace) {
   std::int64_t bytes = 0;
   BlobExchangeOptions options = quick_options();
-  options.send_rate_Bps = 1e6;
+  options.send_rate_bytesps = 1e6;
   options.send_burst_bytes = 50'000.0;
   BlobExchange sender(
       options, 1,
