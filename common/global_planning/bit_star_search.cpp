@@ -22,13 +22,19 @@ constexpr std::uint64_t kNoEdge = ~std::uint64_t{0};
 constexpr double kFirstEllipse = 1.25;
 constexpr double kEllipseGrowth = 1.25;
 
-// Before a route is known, the heuristic counts this many times: a metre of path costs several
-// metres, and any route serves to begin with (the inflation of M. P. Strub and J. D. Gammell,
-// "Advanced BIT* (ABIT*)", ICRA 2020, doi:10.1109/ICRA40945.2020.9196580).
+// In the search for a first route the heuristic counts this many times: a metre of path costs
+// several metres, and any route serves to begin with.
 constexpr double kFirstInflation = 10.0;
 
 // Before a route is known, two states of this many are drawn near start and goal.
 constexpr std::int64_t kEndSampleInterval = 10;
+
+constexpr auto kIsLaterLabel = [](const auto& a, const auto& b) {
+  if (a.key_m != b.key_m) {
+    return a.key_m > b.key_m;
+  }
+  return a.label != b.label ? a.label > b.label : a.to > b.to;
+};
 
 }  // namespace
 
@@ -292,7 +298,7 @@ void BitStarSearch::for_each_neighbour(int of, const Visit& visit) const {
       const double dy_m = y_m_[i] - y_m;
       const double dz_m = z_m_[i] - z_m;
       const double square_m2 = dx_m * dx_m + dy_m * dy_m;
-      if (square_m2 <= radius_m2 && dz_m * dz_m <= climb_square * square_m2 && i != of) {
+      if (square_m2 <= radius_m2 && square_m2 > 0.0 && dz_m * dz_m <= climb_square * square_m2) {
         visit(i, std::sqrt(square_m2 + dz_m * dz_m));
       }
     }
@@ -308,11 +314,17 @@ void BitStarSearch::begin_batch() {
   }
   build_bins();
   queue_.clear();
-  if (counts_.batches == 0) {
-    consider(kStart, kGoal);
-    push(key_m(0.0, kStart), kStart, -1);
-  }
   ++counts_.batches;
+  if (options_.heading_labels && !has_route()) {
+    first_new_state_ = x_m_.size();
+    begin_labels();
+    on_event_();
+    return;
+  }
+  if (counts_.batches == 1) {
+    consider(kStart, kGoal);
+    push(to_goal_m_[kStart], kStart, -1);
+  }
   for (std::size_t i = first_new_state_; i < x_m_.size(); ++i) {
     if (is_pruned_[i] == 0) {
       const int state = static_cast<int>(i);
@@ -340,18 +352,13 @@ void BitStarSearch::begin_batch() {
   on_event_();
 }
 
-// --- the queue
-// ------------------------------------------------------------------------------------
+// --- the queue of the tree
 
 bool BitStarSearch::is_later(const Entry& a, const Entry& b) {
   if (a.key_m != b.key_m) {
     return a.key_m > b.key_m;
   }
   return a.from != b.from ? a.from > b.from : a.to > b.to;
-}
-
-double BitStarSearch::key_m(double come_m, int state) const {
-  return come_m + (has_route() ? 1.0 : kFirstInflation) * to_goal_m_[state];
 }
 
 void BitStarSearch::push(double key_m, int from, int to) {
@@ -397,8 +404,18 @@ void BitStarSearch::consider(int from, int to) {
   }
   const double come_m = come_m_[from] + cost_m;
   if (come_m < come_m_[to] && come_m + to_goal_m_[to] < best_cost_m_) {
-    push(key_m(come_m, to), from, to);
+    push(come_m + to_goal_m_[to], from, to);
   }
+}
+
+double BitStarSearch::evaluate(int a, int b) {
+  // Always in the same direction, so that both have the same cost to the last bit.
+  const auto low = static_cast<std::size_t>(std::min(a, b));
+  const auto high = static_cast<std::size_t>(std::max(a, b));
+  const double cost_m = envelope_->leg_cost_m(state(low), state(high));
+  ++counts_.work_units;
+  store_evaluated(edge_id(a, b), cost_m);
+  return cost_m;
 }
 
 bool BitStarSearch::is_turn_kept(int from, int to) const {
@@ -443,13 +460,7 @@ void BitStarSearch::process(const Entry& entry) {
     return;
   }
   if (evaluated == nullptr) {
-    // Always in the same direction, so that both have the same cost to the last bit.
-    const int low = std::min(from, to);
-    const int high = std::max(from, to);
-    const double cost_m = envelope_->leg_cost_m(state(static_cast<std::size_t>(low)),
-                                                state(static_cast<std::size_t>(high)));
-    ++counts_.work_units;
-    store_evaluated(edge, cost_m);
+    evaluate(from, to);
     consider(from, to);
     return;
   }
@@ -481,7 +492,7 @@ void BitStarSearch::attach(int from, int to, double cost_m) {
 void BitStarSearch::reach(int state, double come_m) {
   come_m_[state] = come_m;
   if (state != kGoal) {
-    push(key_m(come_m, state), state, -1);
+    push(come_m + to_goal_m_[state], state, -1);
   } else if (come_m < best_cost_m_) {
     accept_goal();
   }
@@ -541,28 +552,142 @@ void BitStarSearch::accept_goal() {
     }
     evaluated->is_fine_checked = true;
   }
-  const bool is_first = !has_route();
   come_m_[kGoal] = cost_m;
   best_cost_m_ = cost_m;
   best_route_.clear();
   for (const std::int32_t at : path) {
     best_route_.push_back(state(static_cast<std::size_t>(at)));
   }
-  if (is_first) {
-    begin_improving();
-  }
   on_event_();
 }
 
-// From the first route on, the queue has the order of an optimal search.
-void BitStarSearch::begin_improving() {
-  queue_.clear();
-  refused_.clear();
-  for (std::size_t i = 0; i < x_m_.size(); ++i) {
-    if (come_m_[i] < kInfinity && i != kGoal) {
-      expanded_at_m_[i] = kInfinity;
-      push(key_m(come_m_[i], static_cast<int>(i)), static_cast<int>(i), -1);
+// --- the first route: labels are directed edges
+
+void BitStarSearch::begin_labels() {
+  for (LabelSearch& search : label_searches_) {
+    const bool is_forward = &search == &label_searches_[0];
+    search.target = is_forward ? kGoal : kStart;
+    search.labels.assign(1, Label{is_forward ? kStart : kGoal, -1, 0.0});
+    search.queue.clear();
+    search.closed.clear();
+    open_label(search, 0);
+    if (is_forward && counts_.batches == 1) {
+      search.queue.push_back({-1.0, 0, kGoal});  // the straight leg, before everything else
     }
+  }
+  is_labelling_ = true;
+  label_turn_ = 0;
+}
+
+// Queues the edges that may follow a label.
+void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
+  const Label here = search.labels[static_cast<std::size_t>(label)];
+  const int before =
+      here.before < 0 ? -1 : search.labels[static_cast<std::size_t>(here.before)].state;
+  const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
+  for_each_neighbour(here.state, [&](int to, double length_m) {
+    if (to == before ||
+        (before >= 0 && !envelope_->is_turn_allowed(
+                            x_m_[here.state] - x_m_[before], y_m_[here.state] - y_m_[before],
+                            x_m_[to] - x_m_[here.state], y_m_[to] - y_m_[here.state]))) {
+      return;
+    }
+    const Evaluated* evaluated = find_evaluated(edge_id(here.state, to));
+    const double cost_m = evaluated != nullptr ? evaluated->cost_m : length_m;
+    if (cost_m < kInfinity) {
+      search.queue.push_back({here.come_m + cost_m + kFirstInflation * ahead_m[to], label, to});
+      std::push_heap(search.queue.begin(), search.queue.end(), kIsLaterLabel);
+    }
+  });
+}
+
+// One entry of one of the two queues; at most one work unit. Ends with the first route, or when one
+// direction has nothing left to try: then this graph holds no route.
+void BitStarSearch::step_labels() {
+  LabelSearch& search = label_searches_[label_turn_];
+  label_turn_ = 1 - label_turn_;
+  if (search.queue.empty()) {
+    is_labelling_ = false;
+    return;
+  }
+  std::pop_heap(search.queue.begin(), search.queue.end(), kIsLaterLabel);
+  const LabelEntry entry = search.queue.back();
+  search.queue.pop_back();
+  const Label from = search.labels[static_cast<std::size_t>(entry.label)];
+  const std::uint64_t directed =
+      (static_cast<std::uint64_t>(from.state) << 32U) | static_cast<std::uint64_t>(entry.to);
+  if (search.closed.contains(directed)) {
+    return;
+  }
+  Evaluated* evaluated = find_evaluated(edge_id(from.state, entry.to));
+  const auto queue_again = [&](double cost_m) {
+    const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
+    search.queue.push_back(
+        {from.come_m + cost_m + kFirstInflation * ahead_m[entry.to], entry.label, entry.to});
+    std::push_heap(search.queue.begin(), search.queue.end(), kIsLaterLabel);
+  };
+  if (evaluated == nullptr) {
+    if (const double cost_m = evaluate(from.state, entry.to); cost_m < kInfinity) {
+      queue_again(cost_m);
+    }
+    return;
+  }
+  if (evaluated->cost_m == kInfinity) {
+    return;
+  }
+  if (!evaluated->is_fine_checked) {
+    ++counts_.work_units;
+    if (envelope_->is_clear(state(static_cast<std::size_t>(from.state)),
+                            state(static_cast<std::size_t>(entry.to)))) {
+      evaluated->is_fine_checked = true;
+      queue_again(evaluated->cost_m);
+    } else {
+      evaluated->cost_m = kInfinity;
+    }
+    return;
+  }
+  search.closed.insert(directed);
+  search.labels.push_back({entry.to, entry.label, from.come_m + evaluated->cost_m});
+  const auto label = static_cast<std::int32_t>(search.labels.size() - 1);
+  if (entry.to != search.target) {
+    open_label(search, label);
+    return;
+  }
+  std::vector<std::int32_t> path;
+  for (std::int32_t at = label; at >= 0; at = search.labels[static_cast<std::size_t>(at)].before) {
+    path.push_back(search.labels[static_cast<std::size_t>(at)].state);
+  }
+  if (search.target == kGoal) {
+    std::reverse(path.begin(), path.end());
+  }
+  is_labelling_ = false;
+  install(std::move(path));
+}
+
+// Makes a route of clear edges the first branch of the tree. A state that it visits again, to gain
+// height in a loop, gets a copy: the tree holds each state once.
+void BitStarSearch::install(std::vector<std::int32_t> path) {
+  for (std::size_t k = 1; k + 1 < path.size(); ++k) {
+    const auto passed = path.begin() + static_cast<std::ptrdiff_t>(k);
+    if (std::find(path.begin(), passed, path[k]) == passed) {
+      continue;
+    }
+    const std::int32_t copy = append_state(state(static_cast<std::size_t>(path[k])));
+    for (const std::int32_t neighbour : {path[k - 1], path[k + 1]}) {
+      const Evaluated known = *find_evaluated(edge_id(path[k], neighbour));
+      store_evaluated(edge_id(copy, neighbour), known.cost_m);
+      find_evaluated(edge_id(copy, neighbour))->is_fine_checked = true;
+    }
+    path[k] = copy;
+  }
+  first_new_state_ = x_m_.size();
+  build_bins();
+  for (LabelSearch& search : label_searches_) {
+    search = LabelSearch{};
+  }
+  push(to_goal_m_[kStart], kStart, -1);
+  for (std::size_t k = 1; k < path.size(); ++k) {
+    attach(path[k - 1], path[k], find_evaluated(edge_id(path[k - 1], path[k]))->cost_m);
   }
 }
 
@@ -582,12 +707,17 @@ void BitStarSearch::run(std::int64_t work_budget, const ShouldStop& should_stop,
         return;
       }
     }
+    if (is_labelling_) {
+      step_labels();
+      continue;
+    }
     if (queue_.empty() || queue_.front().key_m >= best_cost_m_) {
       const std::int64_t before = counts_.work_units;
       begin_batch();
       until_asked = 0;
       // Batches cost time but no work units when no edge can be tried (all ground unknown, say).
-      idle_batches = queue_.empty() && before == counts_.work_units ? idle_batches + 1 : 0;
+      idle_batches =
+          queue_.empty() && !is_labelling_ && before == counts_.work_units ? idle_batches + 1 : 0;
       if (idle_batches > 20) {
         return;
       }

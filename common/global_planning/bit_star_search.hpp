@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <unordered_set>
 #include <vector>
 
 #include "flight/route.hpp"
@@ -84,6 +86,23 @@ class BitStarSearch {
     double cost_m;
     bool is_fine_checked;
   };
+  struct Label {
+    std::int32_t state;
+    std::int32_t before;  // label of the edge before, -1: none
+    double come_m;
+  };
+  struct LabelEntry {
+    double key_m;
+    std::int32_t label;
+    std::int32_t to;
+  };
+  /// One direction of the search for a first route.
+  struct LabelSearch {
+    std::int32_t target = 0;
+    std::vector<Label> labels;
+    std::vector<LabelEntry> queue;
+    std::unordered_set<std::uint64_t> closed;  // directed edges
+  };
   struct Ellipse {
     double centre_x_m, centre_y_m, axis_x, axis_y, half_major_m, half_minor_m;
   };
@@ -97,8 +116,6 @@ class BitStarSearch {
   void draw_samples();
   void build_bins();
   [[nodiscard]] Ellipse sampling_ellipse() const;
-  [[nodiscard]] double key_m(double come_m, int state) const;
-  void begin_improving();
   void push(double key_m, int from, int to);
   void expand(int from);
   void consider(int from, int to);
@@ -109,6 +126,11 @@ class BitStarSearch {
   void detach(int root);
   void unlink_child(int parent, int child);
   void accept_goal();
+  double evaluate(int a, int b);
+  void begin_labels();
+  void step_labels();
+  void open_label(LabelSearch& search, std::int32_t label);
+  void install(std::vector<std::int32_t> path);
   template <typename Visit>
   void for_each_neighbour(int of, const Visit& visit) const;
 
@@ -140,6 +162,10 @@ class BitStarSearch {
   double bin_m_ = 1.0, bins_west_m_ = 0.0, bins_south_m_ = 0.0, radius_m_ = 0.0;
   int bin_columns_ = 0, bin_rows_ = 0;
   std::vector<std::int32_t> bin_begin_, bin_states_;
+
+  std::array<LabelSearch, 2> label_searches_;  // from the start, from the goal
+  bool is_labelling_ = false;
+  std::size_t label_turn_ = 0;
 
   std::size_t first_new_state_ = 0;
   double sampled_area_m2_ = 0.0;

@@ -125,6 +125,7 @@ GlobalOptions read_global_options(ConfigReader& reader) {
   positive("radius_max_m", options.radius_max_m);
   reader.require(options.radius_max_m >= options.check_step_m, "radius_max_m",
                  "must not be below check_step_m");
+  options.heading_labels = reader.required_bool("heading_labels");
   options.work_budget = reader.required_integer("work_budget");
   reader.require(options.work_budget >= 1, "work_budget", "must be at least 1");
   reader.finish();

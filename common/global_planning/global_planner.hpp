@@ -29,6 +29,7 @@ struct GlobalOptions {
   double guide_spacing_m = 0.0;
   std::int64_t batch_size = 0;
   double radius_factor = 0.0;    // of the r-disc of the random geometric graph
+  bool heading_labels = false;   // extension: search the first route over directed edges
   double radius_max_m = 0.0;     // longer edges are left to the shortcut scan
   std::int64_t work_budget = 0;  // edge evaluations plus states drawn
 };
