@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <stdexcept>
 
 #include "base/errors.hpp"
 
@@ -21,6 +23,13 @@ std::uint16_t bit_of(const std::string& name, const ConfigReader& reader) {
   const auto nearest = nearest_word(name, known);
   reader.refuse("classes", "names the unknown class '" + name + "'" +
                                (nearest ? "; did you mean '" + *nearest + "'?" : ""));
+}
+
+// NaN outside the raster.
+double value_at(const raster::Grid<float>& layer, const geo::MapPoint& point) {
+  const raster::GridGeometry& geometry = layer.geometry();
+  return geometry.contains(point) ? static_cast<double>(layer.at(geometry.cell_at(point)))
+                                  : std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace
@@ -85,11 +94,11 @@ CostModel::CostModel(const map::Map& map, const CostWeights& weights,
 }
 
 double CostModel::visibility(const geo::MapPoint& point) const {
-  return static_cast<double>(visibility_.at(map_->geometry.cell_at(point)));
+  return value_at(visibility_, point);
 }
 
 double CostModel::semantics(const geo::MapPoint& point) const {
-  return static_cast<double>(semantics_.at(map_->geometry.cell_at(point)));
+  return value_at(semantics_, point);
 }
 
 double CostModel::density(const geo::MapPoint& point, double height_m) const {
@@ -102,6 +111,9 @@ double CostModel::density(const geo::MapPoint& point, double height_m) const {
 
 flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& waypoints,
                                         double step_m) const {
+  if (!(step_m > 0.0)) {
+    throw std::invalid_argument("the step of a route's cost must be above 0");
+  }
   flight::RouteCost cost;
   for (std::size_t i = 1; i < waypoints.size(); ++i) {
     const flight::Waypoint& a = waypoints[i - 1];

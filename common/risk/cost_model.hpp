@@ -48,6 +48,7 @@ class CostModel {
   [[nodiscard]] const CostWeights& weights() const { return weights_; }
 
   /// Visibility share at reference height, unknown replaced as configured; nearest cell.
+  /// NaN outside the map, as are the functions below.
   [[nodiscard]] double visibility(const geo::MapPoint& point) const;
   [[nodiscard]] double semantics(const geo::MapPoint& point) const;
 
@@ -55,6 +56,7 @@ class CostModel {
   [[nodiscard]] double density(const geo::MapPoint& point, double height_m) const;
 
   /// The four terms of eq. (1) along straight legs, midpoint rule with steps of at most `step_m`.
+  /// Throws std::invalid_argument for a step that is not positive.
   [[nodiscard]] flight::RouteCost route_cost(const std::vector<flight::Waypoint>& waypoints,
                                              double step_m) const;
 
