@@ -30,7 +30,7 @@ BBOX = ",".join(str(number) for number in inputs.BBOX)
 CELL_M = "60"
 START = "%g,%g" % inputs.START
 GOAL = "%g,%g" % inputs.GOAL
-WORK = "20000"
+WORK = "60000"
 
 
 def make_inputs(folder):
@@ -535,7 +535,7 @@ class Json(CliTest):
         result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
         self.assertEqual(result.returncode, 0, result.stderr)
         found = self.one_object("evaluate", "random", "--map", area, "--problems", "1", "--seed", "5",
-                                "--set", "global.work_budget=20000")
+                                "--set", "global.work_budget=60000")
         self.assertEqual(found["drawn"], 1)
         self.assertEqual(sum(found[kind] for kind in ("verified", "not_verified", "named_cause", "not_found", "errors")), 1)
         self.assertEqual(found["seed"], 5)
