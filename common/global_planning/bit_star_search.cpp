@@ -24,7 +24,7 @@ constexpr double kEllipseGrowth = 1.25;
 
 // In the search for a first route the heuristic counts this many times: a metre of path costs
 // several metres, and any route serves to begin with.
-constexpr double kFirstInflation = 10.0;
+constexpr double kFirstInflation = 30.0;
 
 // Before a route is known, two states of this many are drawn near start and goal.
 constexpr std::int64_t kEndSampleInterval = 10;
@@ -44,6 +44,7 @@ BitStarSearch::BitStarSearch(const FlightEnvelope& envelope, const GlobalOptions
       options_(options),
       random_(seed),
       climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
+      long_leg_m_(2.0 * options.turn_radius_m * elementary::tan(0.5 * options.turn_angle_max_rad)),
       table_(std::size_t{1} << 16U, Evaluated{kNoEdge, 0.0, false}) {
   append_state(envelope.start());
   append_state(envelope.goal());
@@ -176,23 +177,22 @@ bool BitStarSearch::is_inside(const Ellipse& ellipse, const geo::MapPoint& point
   return along * along + across * across <= 1.0;
 }
 
-void BitStarSearch::draw_samples() {
+// False if the budget ended in the middle of the batch; the next call goes on with it.
+bool BitStarSearch::draw_samples() {
   const Ellipse ellipse = sampling_ellipse();
   const std::int64_t attempts_max = 50 * options_.batch_size;
-  std::int64_t drawn = 0;
-  std::int64_t attempts = 0;
   const raster::GridGeometry& geometry = envelope_->geometry();
   const double width_m = geometry.east_m() - geometry.west_m;
   const double depth_m = geometry.north_m() - geometry.south_m;
   const double ellipse_m2 = std::numbers::pi * ellipse.half_major_m * ellipse.half_minor_m;
   const bool is_ellipse_smaller = ellipse_m2 < width_m * depth_m;
-  while (drawn < options_.batch_size && attempts < attempts_max && counts_.work_units < budget_) {
-    ++attempts;
+  while (drawn_ < options_.batch_size && attempts_ < attempts_max && counts_.work_units < budget_) {
+    ++attempts_;
     const double first = random_.unit();
     const double second = random_.unit();
     const double height_share = random_.unit();
     geo::MapPoint point;
-    const std::int64_t place = drawn % kEndSampleInterval;
+    const std::int64_t place = drawn_ % kEndSampleInterval;
     if (!has_route() && place < 2) {
       // Ways out of and into a narrow valley need more states than its share of the ellipse.
       const flight::Waypoint& end = place == 0 ? envelope_->start() : envelope_->goal();
@@ -220,13 +220,19 @@ void BitStarSearch::draw_samples() {
     const flight::Waypoint state{point.x_m, point.y_m,
                                  band.low_m + height_share * (band.high_m - band.low_m)};
     append_state(state);
-    ++drawn;
+    ++drawn_;
+    ++counts_.samples;
     ++counts_.work_units;
   }
-  counts_.samples += drawn;
+  if (drawn_ < options_.batch_size && attempts_ < attempts_max) {
+    return false;
+  }
   const double region_m2 = is_ellipse_smaller ? ellipse_m2 : width_m * depth_m;
-  sampled_area_m2_ = region_m2 * static_cast<double>(drawn) /
-                     static_cast<double>(std::max<std::int64_t>(attempts, 1));
+  sampled_area_m2_ = region_m2 * static_cast<double>(drawn_) /
+                     static_cast<double>(std::max<std::int64_t>(attempts_, 1));
+  drawn_ = 0;
+  attempts_ = 0;
+  return true;
 }
 
 void BitStarSearch::build_bins() {
@@ -306,7 +312,9 @@ void BitStarSearch::for_each_neighbour(int of, const Visit& visit) const {
 }
 
 void BitStarSearch::begin_batch() {
-  draw_samples();
+  if (!draw_samples()) {
+    return;
+  }
   for (std::size_t i = 2; i < x_m_.size(); ++i) {
     if (from_start_m_[i] + to_goal_m_[i] >= best_cost_m_) {
       is_pruned_[i] = 1;
@@ -579,6 +587,22 @@ void BitStarSearch::begin_labels() {
   label_turn_ = 0;
 }
 
+// Which of the ways into a state an edge is: arrivals of about the same heading, both long enough
+// for any turn or both not, are interchangeable enough to keep only the first.
+std::uint64_t BitStarSearch::arrival_id(int from, int to) const {
+  const double dx_m = x_m_[to] - x_m_[from];
+  const double dy_m = y_m_[to] - y_m_[from];
+  // Octants by signs and the greater component, halved at 22.5 deg.
+  const double ax_m = std::fabs(dx_m);
+  const double ay_m = std::fabs(dy_m);
+  const bool is_steep = ay_m > ax_m;
+  const bool is_outer = std::min(ax_m, ay_m) > 0.41421356 * std::max(ax_m, ay_m);
+  const bool is_long = dx_m * dx_m + dy_m * dy_m > long_leg_m_ * long_leg_m_;
+  const unsigned heading = (dx_m < 0.0 ? 1U : 0U) | (dy_m < 0.0 ? 2U : 0U) | (is_steep ? 4U : 0U) |
+                           (is_outer ? 8U : 0U) | (is_long ? 16U : 0U);
+  return (static_cast<std::uint64_t>(to) << 8U) | heading;
+}
+
 // Queues the edges that may follow a label.
 void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
   const Label here = search.labels[static_cast<std::size_t>(label)];
@@ -614,9 +638,8 @@ void BitStarSearch::step_labels() {
   const LabelEntry entry = search.queue.back();
   search.queue.pop_back();
   const Label from = search.labels[static_cast<std::size_t>(entry.label)];
-  const std::uint64_t directed =
-      (static_cast<std::uint64_t>(from.state) << 32U) | static_cast<std::uint64_t>(entry.to);
-  if (search.closed.contains(directed)) {
+  const std::uint64_t arrival = arrival_id(from.state, entry.to);
+  if (search.closed.contains(arrival)) {
     return;
   }
   Evaluated* evaluated = find_evaluated(edge_id(from.state, entry.to));
@@ -646,7 +669,7 @@ void BitStarSearch::step_labels() {
     }
     return;
   }
-  search.closed.insert(directed);
+  search.closed.insert(arrival);
   search.labels.push_back({entry.to, entry.label, from.come_m + evaluated->cost_m});
   const auto label = static_cast<std::int32_t>(search.labels.size() - 1);
   if (entry.to != search.target) {

@@ -101,7 +101,7 @@ class BitStarSearch {
     std::int32_t target = 0;
     std::vector<Label> labels;
     std::vector<LabelEntry> queue;
-    std::unordered_set<std::uint64_t> closed;  // directed edges
+    std::unordered_set<std::uint64_t> closed;  // arrivals
   };
   struct Ellipse {
     double centre_x_m, centre_y_m, axis_x, axis_y, half_major_m, half_minor_m;
@@ -113,7 +113,7 @@ class BitStarSearch {
   int append_state(const flight::Waypoint& state);
   void begin_batch();
   static bool is_inside(const Ellipse& ellipse, const geo::MapPoint& point);
-  void draw_samples();
+  bool draw_samples();
   void build_bins();
   [[nodiscard]] Ellipse sampling_ellipse() const;
   void push(double key_m, int from, int to);
@@ -127,6 +127,7 @@ class BitStarSearch {
   void unlink_child(int parent, int child);
   void accept_goal();
   double evaluate(int a, int b);
+  [[nodiscard]] std::uint64_t arrival_id(int from, int to) const;
   void begin_labels();
   void step_labels();
   void open_label(LabelSearch& search, std::int32_t label);
@@ -143,6 +144,7 @@ class BitStarSearch {
   GlobalOptions options_;
   RandomSource random_;
   double climb_tangent_max_;
+  double long_leg_m_;
 
   // States, structure of arrays. 0 is the start, 1 the goal.
   std::vector<double> x_m_, y_m_, z_m_;
@@ -167,6 +169,8 @@ class BitStarSearch {
   bool is_labelling_ = false;
   std::size_t label_turn_ = 0;
 
+  std::int64_t drawn_ = 0;  // of the batch being drawn
+  std::int64_t attempts_ = 0;
   std::size_t first_new_state_ = 0;
   double sampled_area_m2_ = 0.0;
   double best_cost_m_ = std::numeric_limits<double>::infinity();

@@ -159,22 +159,22 @@ AltitudeBand FlightEnvelope::band_at(const geo::MapPoint& point) const {
   return sample(point.x_m, point.y_m).band;
 }
 
-AltitudeBand FlightEnvelope::widest_band_over(raster::CellIndex index) const {
-  const geo::MapPoint centre = geometry_.centre(index);
+AltitudeBand FlightEnvelope::widest_band_over_patch(raster::CellIndex south_west) const {
+  const geo::MapPoint corner = geometry_.centre(south_west);
   double end_floor_m = kInfinity;
   for (const End& end : ends_) {
-    const double dx_m = centre.x_m - end.x_m;
-    const double dy_m = centre.y_m - end.y_m;
-    if (std::sqrt(dx_m * dx_m + dy_m * dy_m) < funnel_m_ + geometry_.cell_m) {
+    // From the end to the nearest point of the patch.
+    const double dx_m = end.x_m - std::clamp(end.x_m, corner.x_m, corner.x_m + geometry_.cell_m);
+    const double dy_m = end.y_m - std::clamp(end.y_m, corner.y_m, corner.y_m + geometry_.cell_m);
+    if (dx_m * dx_m + dy_m * dy_m <= funnel_m_ * funnel_m_) {
       end_floor_m = std::min(end_floor_m, end.floor_m);
     }
   }
-  // Interpolation over the cell uses these centres and stays between their values.
+  // Interpolation stays between the values at the corners; one that is unknown may weigh nothing
+  // along an edge of the patch.
   AltitudeBand band{kInfinity, -kInfinity};
-  for (int row = std::max(index.row - 1, 0); row <= std::min(index.row + 1, geometry_.rows - 1);
-       ++row) {
-    for (int column = std::max(index.column - 1, 0);
-         column <= std::min(index.column + 1, geometry_.columns - 1); ++column) {
+  for (int row = south_west.row; row <= south_west.row + 1; ++row) {
+    for (int column = south_west.column; column <= south_west.column + 1; ++column) {
       const Cell& here = cell(column, row);
       if (std::isnan(here.dilated_m)) {
         continue;

@@ -75,9 +75,10 @@ class FlightEnvelope {
   [[nodiscard]] bool is_turn_allowed(double first_x_m, double first_y_m, double second_x_m,
                                      double second_y_m) const;
 
-  /// A band that holds every altitude that may be flown anywhere over one cell; not flyable if
-  /// there is none. The cell must be inside the map.
-  [[nodiscard]] AltitudeBand widest_band_over(raster::CellIndex cell) const;
+  /// A band that holds every altitude that may be flown anywhere over one patch, the square between
+  /// the centre of a cell and those of its eastern, northern and north-eastern neighbours; not
+  /// flyable if there is none. All four must be inside the map.
+  [[nodiscard]] AltitudeBand widest_band_over_patch(raster::CellIndex south_west) const;
 
  private:
   struct Cell {

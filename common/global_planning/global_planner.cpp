@@ -79,8 +79,9 @@ std::optional<NoPlan> fault_of(const flight::Waypoint& end, const EndNames& name
 
 NoPlan no_plan_of(const Disconnection& gap) {
   std::ostringstream why;
-  why << "no route exists: from the start only " << gap.reachable_cells
-      << " cells of the map can be reached within the height envelope, and the goal is not among "
+  why << "no route exists: from the start only " << gap.reachable_patches
+      << " patches of one cell can be reached within the height envelope, and the goal is not "
+         "among "
          "them; unknown ground or steps higher than the envelope lie between. The marked place is "
          "the "
          "reachable one nearest to the goal. Choose another "

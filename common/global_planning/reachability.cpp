@@ -13,7 +13,10 @@ using raster::GridGeometry;
 }  // namespace
 
 std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) {
-  const GridGeometry& geometry = envelope.geometry();
+  // Patch (c, r) lies between the centres (c, r) and (c + 1, r + 1).
+  const GridGeometry& cells = envelope.geometry();
+  const GridGeometry geometry{cells.west_m + 0.5 * cells.cell_m, cells.south_m + 0.5 * cells.cell_m,
+                              cells.cell_m, cells.columns - 1, cells.rows - 1};
   const CellIndex start = geometry.cell_at(envelope.start().point());
   const CellIndex goal = geometry.cell_at(envelope.goal().point());
   if (!geometry.contains(start) || !geometry.contains(goal)) {
@@ -23,7 +26,7 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
   bands.reserve(geometry.cell_count());
   for (int row = 0; row < geometry.rows; ++row) {
     for (int column = 0; column < geometry.columns; ++column) {
-      bands.push_back(envelope.widest_band_over({column, row}));
+      bands.push_back(envelope.widest_band_over_patch({column, row}));
     }
   }
   std::vector<std::uint8_t> seen;
@@ -63,7 +66,7 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
     return std::nullopt;
   }
   Disconnection result;
-  result.reachable_cells = open.size();
+  result.reachable_patches = open.size();
   const auto square_m2 = [&](CellIndex at) {
     const geo::MapPoint centre = geometry.centre(at);
     const double dx_m = centre.x_m - envelope.goal().x_m;
@@ -78,7 +81,7 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
   }
   result.nearest_to_goal = geometry.centre(nearest);
   fill(goal, start);
-  result.is_goal_enclosed = open.size() < result.reachable_cells;
+  result.is_goal_enclosed = open.size() < result.reachable_patches;
   return result;
 }
 

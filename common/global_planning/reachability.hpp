@@ -9,19 +9,19 @@ namespace hedgehop::global_planning {
 
 /// Where the ground around the start comes nearest to the goal, if no route can exist.
 struct Disconnection {
-  geo::MapPoint nearest_to_goal;  // reachable cell nearest to the goal
-  bool is_goal_enclosed = false;  // the cells around the goal are the smaller part
-  std::size_t reachable_cells = 0;
+  geo::MapPoint nearest_to_goal;  // middle of the reachable patch nearest to the goal
+  bool is_goal_enclosed = false;  // the part around the goal is the smaller one
+  std::size_t reachable_patches = 0;
 };
 
 /// Tries to prove that start and goal are not connected; nullopt when that is not proved.
 ///
-/// Each cell is given all altitudes between the least floor and the greatest ceiling over its area
-/// (from the 3 x 3 cell centres that interpolation uses there; floors of the funnels included), and
-/// neighbouring cells, diagonal ones too, are joined when these intervals meet. Climb angle and
-/// turns are left free: within a cell a route may gain any height. Every route that the envelope
-/// admits also runs through these cells, so where they are not connected, no route is. The reverse
-/// does not hold. O(cells).
+/// The map is cut into the patches of bilinear interpolation, the squares between four cell
+/// centres. Each is given all altitudes between the least floor and the greatest ceiling at its
+/// corners (floors of the funnels included), and neighbouring patches, diagonal ones too, are
+/// joined when these intervals meet. Climb angle and turns are left free: within a patch a route
+/// may gain any height. Every route that the envelope admits also runs through these patches, so
+/// where they are not connected, no route is. The reverse does not hold. O(cells).
 std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope);
 
 }  // namespace hedgehop::global_planning

@@ -1,0 +1,155 @@
+#include "global_planning/bit_star_search.hpp"
+
+#include <cmath>
+#include <gtest/gtest.h>
+#include <limits>
+
+#include "global_planning/planning_case.hpp"
+#include "support/fresh_seed.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+using flight::Waypoint;
+using test::PlanningCase;
+using test::shipped_global_options;
+
+constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+
+const BitStarSearch::ShouldStop kNeverStop = [] { return false; };
+const BitStarSearch::OnEvent kSilent = [] {};
+
+// Both ways to the first route: over directed edges, and over states as in the paper.
+class BitStarSearchTest : public testing::TestWithParam<bool> {
+ protected:
+  static GlobalOptions options() {
+    GlobalOptions result = shipped_global_options();
+    result.batch_size = 500;
+    result.heading_labels = GetParam();
+    return result;
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(FirstRoute, BitStarSearchTest, testing::Bool(),
+                         [](const auto& given) { return given.param ? "Labels" : "Tree"; });
+
+TEST_P(BitStarSearchTest, SpendsItsBudgetExactlyAndNeverMore) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 200, 30.0, 3000.0, 400.0), kWeights);
+  const FlightEnvelope envelope(in.costs, options(), in.above(800, 800), in.above(5000, 5200));
+  for (const std::int64_t budget : {1, 7, 499, 500, 1000, 1777, 20000}) {
+    BitStarSearch search(envelope, options(), seed);
+    search.run(budget, kNeverStop, kSilent);
+    EXPECT_EQ(search.counts().work_units, budget);
+  }
+}
+
+TEST_P(BitStarSearchTest, ADividedBudgetGivesTheSameRouteAsTheWhole) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 200, 30.0, 3000.0, 400.0), kWeights);
+  const FlightEnvelope envelope(in.costs, options(), in.above(800, 800), in.above(5000, 5200));
+  BitStarSearch whole(envelope, options(), seed);
+  whole.run(15000, kNeverStop, kSilent);
+  BitStarSearch divided(envelope, options(), seed);
+  for (std::int64_t budget = 611; budget < 15000; budget += 611) {
+    divided.run(budget, kNeverStop, kSilent);
+  }
+  divided.run(15000, kNeverStop, kSilent);
+  EXPECT_EQ(whole.best_route(), divided.best_route());
+  EXPECT_EQ(whole.best_cost_m(), divided.best_cost_m());
+  EXPECT_EQ(whole.counts().samples, divided.counts().samples);
+}
+
+TEST_P(BitStarSearchTest, CostsFallWithWorkAndNeverBelowTheBound) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 200, 30.0, 3000.0, 400.0), kWeights);
+  const FlightEnvelope envelope(in.costs, options(), in.above(800, 800), in.above(5000, 5200));
+  BitStarSearch search(envelope, options(), seed);
+  double before_m = std::numeric_limits<double>::infinity();
+  search.run(40000, kNeverStop, [&] {
+    EXPECT_LE(search.best_cost_m(), before_m);
+    before_m = search.best_cost_m();
+  });
+  ASSERT_TRUE(search.has_route());
+  EXPECT_LE(search.lower_bound_m(), flight::length_m(search.best_route()));
+  EXPECT_LE(flight::length_m(search.best_route()), search.best_cost_m());
+  const double dx_m = 5000.0 - 800.0;
+  const double dy_m = 5200.0 - 800.0;
+  EXPECT_GE(search.lower_bound_m(), std::sqrt(dx_m * dx_m + dy_m * dy_m) * (1.0 - 1e-6));
+}
+
+TEST_P(BitStarSearchTest, EveryEdgeOfTheTreeKeepsBandClimbAndTurns) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 200, 30.0, 2000.0, 500.0), kWeights);
+  const FlightEnvelope envelope(in.costs, options(), in.above(800, 800), in.above(5000, 5200));
+  BitStarSearch search(envelope, options(), seed);
+  search.run(30000, kNeverStop, kSilent);
+  int edges = 0;
+  int corners = 0;
+  for (std::size_t i = 0; i < search.state_count(); ++i) {
+    const int parent = search.parent(i);
+    if (parent < 0) {
+      continue;
+    }
+    const Waypoint to = search.state(i);
+    const Waypoint from = search.state(static_cast<std::size_t>(parent));
+    EXPECT_TRUE(envelope.contains(to));
+    EXPECT_LT(envelope.leg_cost_m(from, to), std::numeric_limits<double>::infinity());
+    ++edges;
+    const int grandparent = search.parent(static_cast<std::size_t>(parent));
+    if (grandparent >= 0) {
+      const Waypoint before = search.state(static_cast<std::size_t>(grandparent));
+      EXPECT_TRUE(envelope.is_turn_allowed(from.x_m - before.x_m, from.y_m - before.y_m,
+                                           to.x_m - from.x_m, to.y_m - from.y_m));
+      ++corners;
+    }
+  }
+  EXPECT_GT(edges, 100);
+  EXPECT_GT(corners, 50);
+}
+
+TEST_P(BitStarSearchTest, AStopRequestEndsItWithinAFewHundredUnits) {
+  const PlanningCase in(test::make_fractal_map(3, 200, 30.0, 3000.0, 400.0), kWeights);
+  const FlightEnvelope envelope(in.costs, options(), in.above(800, 800), in.above(5000, 5200));
+  BitStarSearch search(envelope, options(), 1);
+  std::int64_t asked_at = -1;
+  search.run(
+      1000000,
+      [&] {
+        if (search.counts().work_units > 5000 && asked_at < 0) {
+          asked_at = search.counts().work_units;
+        }
+        return asked_at >= 0;
+      },
+      kSilent);
+  // Asked every 64 queue entries and after each batch, so well within two batches of 500 states.
+  EXPECT_LE(asked_at, 6100);
+  EXPECT_EQ(search.counts().work_units, asked_at);
+}
+
+TEST(BitStarSearchLabels, TheyFindAWayThatOneParentForEachStateWouldBlock) {
+  // A level plain with three states. The cheap way to C comes from the south and cannot turn east
+  // to the goal; the dearer way, through D in the west, can.
+  const PlanningCase in(test::make_map(200, 200, 30.0, [](double, double) { return 0.0; }),
+                        risk::CostWeights{});
+  GlobalOptions options = shipped_global_options();
+  options.turn_radius_m = 0.0;
+  options.turn_angle_max_rad = 0.9;  // 52 deg
+  options.batch_size = 1;
+  options.radius_max_m = 1200.0;
+  options.radius_factor = 100.0;
+  const Waypoint start = in.above(2000.0, 2000.0, 40.0);
+  const Waypoint goal = in.above(4000.0, 3000.0, 40.0);
+  for (const bool has_labels : {false, true}) {
+    options.heading_labels = has_labels;
+    const FlightEnvelope envelope(in.costs, options, start, goal);
+    BitStarSearch search(envelope, options, 1);
+    search.add_state(in.above(2400.0, 2500.0, 40.0));  // on the way that curves
+    search.add_state(in.above(3000.0, 2900.0, 40.0));
+    search.run(200, kNeverStop, kSilent);
+    EXPECT_TRUE(search.has_route()) << has_labels;
+  }
+}
+
+}  // namespace
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,255 @@
+#include "global_planning/flight_envelope.hpp"
+
+#include <cmath>
+#include <gtest/gtest.h>
+#include <limits>
+#include <random>
+
+#include "base/angles.hpp"
+#include "global_planning/planning_case.hpp"
+#include "support/fresh_seed.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+using flight::Waypoint;
+using test::PlanningCase;
+using test::shipped_global_options;
+
+constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Options with numbers that are easy to reckon with.
+GlobalOptions plain_options() {
+  GlobalOptions options = shipped_global_options();
+  options.envelope_floor_m = 20.0;
+  options.envelope_ceiling_m = 120.0;
+  options.lateral_margin_m = 30.0;
+  options.end_funnel_m = 400.0;
+  options.climb_angle_max_rad = 8.0 * kDegree_rad;
+  options.turn_angle_max_rad = 60.0 * kDegree_rad;
+  options.turn_radius_m = 0.0;
+  return options;
+}
+
+// Ends far from what a test looks at, so that no funnel is near.
+FlightEnvelope envelope_of(const PlanningCase& in, const GlobalOptions& options) {
+  const double far_m = in.map.geometry.columns * in.map.geometry.cell_m - 100.0;
+  return {in.costs, options, in.above(100.0, 100.0, 30.0), in.above(far_m, far_m, 30.0)};
+}
+
+TEST(DilatedSurface, OneHighCellRaisesItsEightNeighboursForAMarginOfOneCell) {
+  raster::Grid<float> surface({0.0, 0.0, 30.0, 9, 9}, 10.0F);
+  surface.at(4, 4) = 100.0F;
+  const raster::Grid<float> dilated = dilated_surface(surface, 30.0);
+  for (int row = 1; row < 8; ++row) {
+    for (int column = 1; column < 8; ++column) {
+      const bool is_near = std::abs(row - 4) <= 1 && std::abs(column - 4) <= 1;
+      EXPECT_EQ(dilated.at(column, row), is_near ? 100.0F : 10.0F) << column << " " << row;
+    }
+  }
+}
+
+TEST(DilatedSurface, UnknownCellsAndTheEdgeMakeTheirSurroundingsUnknown) {
+  raster::Grid<float> surface({0.0, 0.0, 30.0, 9, 9}, 10.0F);
+  surface.at(4, 4) = std::numeric_limits<float>::quiet_NaN();
+  const raster::Grid<float> dilated = dilated_surface(surface, 30.0);
+  EXPECT_TRUE(std::isnan(dilated.at(3, 5)));
+  EXPECT_FALSE(std::isnan(dilated.at(2, 5)));
+  EXPECT_TRUE(std::isnan(dilated.at(0, 5)));
+  EXPECT_TRUE(std::isnan(dilated.at(7, 8)));
+}
+
+TEST(DilatedSurface, InterpolatedItIsNowhereLowerThanTheSurfaceWithinTheMargin) {
+  const std::uint64_t seed = test::fresh_seed();
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  for (const double cell_m : {30.0, 10.0}) {
+    for (const double margin_m : {12.0, 30.0, 47.0}) {
+      // White noise is the worst terrain there is.
+      raster::Grid<float> surface({500.0, -300.0, cell_m, 40, 40}, 0.0F);
+      for (float& value : surface.values()) {
+        value = static_cast<float>(100.0 * unit(random));
+      }
+      const raster::Grid<float> dilated = dilated_surface(surface, margin_m);
+      for (int k = 0; k < 4000; ++k) {
+        const geo::MapPoint p{500.0 + 40.0 * cell_m * unit(random),
+                              -300.0 + 40.0 * cell_m * unit(random)};
+        const double angle = kTwoPi * unit(random);
+        const double distance_m = margin_m * std::sqrt(unit(random));
+        const geo::MapPoint q{p.x_m + distance_m * std::cos(angle),
+                              p.y_m + distance_m * std::sin(angle)};
+        const double kept_m = raster::sample_bilinear(dilated, p);
+        if (!std::isnan(kept_m)) {
+          ASSERT_GE(kept_m + 1e-9, raster::sample_bilinear(surface, q))
+              << "cell " << cell_m << " margin " << margin_m;
+        }
+      }
+    }
+  }
+}
+
+TEST(FlightEnvelope, OnAPlaneTheBandIsFloorAndCeilingAboveItsHighestNeighbourhood) {
+  // Slope 0.2 to the east: the dilated surface lies one cell, 6 m, higher.
+  const PlanningCase in(
+      test::make_map(100, 100, 30.0, [](double x_m, double) { return 0.2 * x_m; }), kWeights);
+  const FlightEnvelope envelope = envelope_of(in, plain_options());
+  const AltitudeBand band = envelope.band_at({1500.0, 1234.0});
+  EXPECT_NEAR(band.low_m, 300.0 + 6.0 + 20.0, 1e-3);
+  EXPECT_NEAR(band.high_m, 300.0 + 120.0, 1e-3);
+  EXPECT_TRUE(envelope.contains({1500.0, 1234.0, 326.01}));
+  EXPECT_FALSE(envelope.contains({1500.0, 1234.0, 325.99}));
+  EXPECT_FALSE(envelope.contains({1500.0, 1234.0, 420.01}));
+}
+
+TEST(FlightEnvelope, TheFloorSinksToTheHeightOfAnEndLinearly) {
+  const PlanningCase in(test::make_map(100, 100, 30.0, [](double, double) { return 50.0; }),
+                        kWeights);
+  const FlightEnvelope envelope(in.costs, plain_options(), in.above(1000.0, 1500.0, 10.0),
+                                in.above(2500.0, 1500.0, 60.0));
+  EXPECT_TRUE(envelope.contains(envelope.start()));
+  EXPECT_NEAR(envelope.band_at({1000.0, 1500.0}).low_m, 60.0, 1e-5);
+  EXPECT_NEAR(envelope.band_at({1100.0, 1500.0}).low_m, 62.5, 1e-5);
+  EXPECT_NEAR(envelope.band_at({1000.0, 1700.0}).low_m, 65.0, 1e-5);
+  EXPECT_NEAR(envelope.band_at({1401.0, 1500.0}).low_m, 70.0, 1e-5);
+  // An end above the floor does not lift it.
+  EXPECT_NEAR(envelope.band_at({2500.0, 1500.0}).low_m, 70.0, 1e-5);
+}
+
+TEST(FlightEnvelope, UnknownGroundIsNotFlyable) {
+  map::Map map = test::make_map(100, 100, 30.0, [](double, double) { return 50.0; });
+  map.terrain_m.at(50, 50) = std::numeric_limits<float>::quiet_NaN();
+  map.surface_m = map.terrain_m;
+  test::finish_map(map);
+  const PlanningCase in(std::move(map), kWeights);
+  const FlightEnvelope envelope = envelope_of(in, plain_options());
+  EXPECT_FALSE(envelope.band_at({1515.0, 1515.0}).is_flyable());
+  EXPECT_FALSE(envelope.contains({1515.0, 1515.0, 100.0}));
+  EXPECT_EQ(envelope.leg_cost_m({1000.0, 1515.0, 100.0}, {2000.0, 1515.0, 100.0}), kInfinity);
+  EXPECT_FALSE(envelope.is_clear({1000.0, 1515.0, 100.0}, {2000.0, 1515.0, 100.0}));
+  EXPECT_TRUE(envelope.is_clear({1000.0, 1000.0, 100.0}, {2000.0, 1000.0, 100.0}));
+  EXPECT_FALSE(envelope.band_at({-5.0, 100.0}).is_flyable());
+}
+
+TEST(FlightEnvelope, ClimbLimitHoldsUpAndDown) {
+  const PlanningCase in(test::make_map(100, 100, 30.0, [](double, double) { return 0.0; }),
+                        kWeights);
+  const FlightEnvelope envelope = envelope_of(in, plain_options());
+  const double run_m = 300.0;
+  const double rise_m = run_m * std::tan(8.0 * kDegree_rad);
+  const Waypoint low{1200.0, 1200.0, 40.0};
+  EXPECT_TRUE(envelope.is_climb_allowed(low, {1200.0 + run_m, 1200.0, 40.0 + 0.999 * rise_m}));
+  EXPECT_FALSE(envelope.is_climb_allowed(low, {1200.0 + run_m, 1200.0, 40.0 + 1.001 * rise_m}));
+  EXPECT_FALSE(envelope.is_climb_allowed({1200.0 + run_m, 1200.0, 40.0 + 1.001 * rise_m}, low));
+  EXPECT_FALSE(envelope.is_climb_allowed(low, {1200.0, 1200.0, 50.0}));
+}
+
+TEST(FlightEnvelope, LegCostIsTheIntegralOfEquationOne) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 150, 30.0, 3000.0, 120.0), kWeights);
+  GlobalOptions options = plain_options();
+  options.envelope_ceiling_m = 400.0;
+  options.check_step_m = 1.0;
+  const FlightEnvelope envelope = envelope_of(in, options);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> place_m(600.0, 3900.0);
+  int compared = 0;
+  for (int k = 0; k < 200; ++k) {
+    const Waypoint a{place_m(random), place_m(random), 180.0};
+    const Waypoint b{place_m(random), place_m(random), 190.0};
+    const double cost_m = envelope.leg_cost_m(a, b);
+    if (cost_m < kInfinity) {
+      EXPECT_NEAR(cost_m, in.costs.route_cost({a, b}, 1.0).total_m(), 1e-6 * cost_m);
+      EXPECT_EQ(envelope.leg_cost_m(b, a) < kInfinity, true);
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 100);
+}
+
+TEST(FlightEnvelope, AClearLegIsClearAtEveryTwentyCentimetresAndAFailingOneIsNot) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 150, 30.0, 2000.0, 500.0), kWeights);
+  const GlobalOptions options = plain_options();
+  const FlightEnvelope envelope = envelope_of(in, options);
+  const raster::Grid<float> dilated = dilated_surface(in.map.surface_m, options.lateral_margin_m);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  int clear = 0;
+  int blocked = 0;
+  for (int k = 0; k < 3000; ++k) {
+    const geo::MapPoint p{700.0 + 3000.0 * unit(random), 700.0 + 3000.0 * unit(random)};
+    const geo::MapPoint q{p.x_m + 800.0 * (unit(random) - 0.5),
+                          p.y_m + 800.0 * (unit(random) - 0.5)};
+    const Waypoint a{p.x_m, p.y_m, envelope.band_at(p).low_m + 20.0 * unit(random)};
+    const Waypoint b{q.x_m, q.y_m, envelope.band_at(q).low_m + 20.0 * unit(random)};
+    if (!envelope.is_climb_allowed(a, b) || !envelope.contains(a) || !envelope.contains(b)) {
+      continue;
+    }
+    double least_m = kInfinity;  // distance to floor and ceiling, every 20 cm, without the funnels
+    const int steps = static_cast<int>(std::hypot(b.x_m - a.x_m, b.y_m - a.y_m) / 0.2) + 1;
+    for (int i = 0; i <= steps; ++i) {
+      const double t = static_cast<double>(i) / steps;
+      const geo::MapPoint at{a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m)};
+      const double altitude_m = a.altitude_m + t * (b.altitude_m - a.altitude_m);
+      least_m = std::min(
+          {least_m, altitude_m - raster::sample_bilinear(dilated, at) - options.envelope_floor_m,
+           raster::sample_bilinear(in.map.surface_m, at) + options.envelope_ceiling_m -
+               altitude_m});
+    }
+    const bool is_clear = envelope.is_clear(a, b);
+    (is_clear ? clear : blocked) += 1;
+    if (is_clear) {
+      EXPECT_GE(least_m, -1e-6);
+    } else {
+      EXPECT_LT(least_m, 0.02);  // between two of our samples it may be a little lower
+    }
+  }
+  EXPECT_GT(clear, 100);
+  EXPECT_GT(blocked, 100);
+}
+
+TEST(FlightEnvelope, TheFineCheckSeesATowerThatTheCoarseStepsMiss) {
+  map::Map map = test::make_map(100, 100, 10.0, [](double, double) { return 0.0; });
+  map.terrain_m.at(50, 50) = 60.0F;  // one cell of 10 m, at (505, 505)
+  map.surface_m = map.terrain_m;
+  test::finish_map(map);
+  const PlanningCase in(std::move(map), kWeights);
+  GlobalOptions options = plain_options();
+  options.lateral_margin_m = 0.0;
+  options.check_step_m = 60.0;
+  options.end_funnel_m = 10.0;
+  const FlightEnvelope envelope(in.costs, options, in.above(100, 505, 30.0),
+                                in.above(900, 505, 30.0));
+  // Midpoints of the two steps lie 30 m from the tower, which stands at the middle.
+  const Waypoint a{445.0, 505.0, 30.0};
+  const Waypoint b{565.0, 505.0, 30.0};
+  EXPECT_LT(envelope.leg_cost_m(a, b), kInfinity);
+  EXPECT_FALSE(envelope.is_clear(a, b));
+}
+
+TEST(FlightEnvelope, TurnsAreLimitedByAngleAndByTheRoomForTheArc) {
+  const PlanningCase in(test::make_map(50, 50, 30.0, [](double, double) { return 0.0; }), kWeights);
+  GlobalOptions options = plain_options();
+  const auto turn = [](const FlightEnvelope& envelope, double angle_deg, double first_m,
+                       double second_m) {
+    return envelope.is_turn_allowed(first_m, 0.0, second_m * std::cos(angle_deg * kDegree_rad),
+                                    second_m * std::sin(angle_deg * kDegree_rad));
+  };
+  const FlightEnvelope by_angle = envelope_of(in, options);
+  EXPECT_TRUE(turn(by_angle, 59.9, 10.0, 1.0));
+  EXPECT_TRUE(turn(by_angle, -59.9, 10.0, 1.0));
+  EXPECT_FALSE(turn(by_angle, 60.1, 500.0, 500.0));
+  EXPECT_FALSE(turn(by_angle, 180.0, 500.0, 500.0));
+  // 282 m tan 30 deg = 162.8 m must fit half of the shorter leg.
+  options.turn_radius_m = 282.0;
+  const FlightEnvelope by_radius = envelope_of(in, options);
+  EXPECT_TRUE(turn(by_radius, 59.99, 326.0, 900.0));
+  EXPECT_FALSE(turn(by_radius, 59.99, 325.0, 900.0));
+  EXPECT_FALSE(turn(by_radius, 59.99, 900.0, 325.0));
+  EXPECT_TRUE(turn(by_radius, 10.0, 50.0, 50.0));
+  EXPECT_TRUE(turn(by_radius, 0.0, 1.0, 1.0));
+}
+
+}  // namespace
+}  // namespace hedgehop::global_planning
