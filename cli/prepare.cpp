@@ -1,7 +1,9 @@
 #include "preparation/prepare.hpp"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -16,7 +18,7 @@ namespace hedgehop::cli {
 namespace {
 
 struct PrepareArguments {
-  std::vector<std::string> dem, osm, attributions, settings;
+  std::vector<std::string> dem, osm, vectors, mappings, attributions, settings;
   std::vector<double> bbox_deg;
   double cell_m = 0.0;
   std::string crs, label, config_file, out;
@@ -37,9 +39,37 @@ preparation::PrepareOptions options_of(const PrepareArguments& arguments) {
   return preparation::PrepareOptions::read(reader);
 }
 
+// A file, or the name of one of those that come with the program.
+map_sources::VectorMapping mapping_of(const std::string& name) {
+  const std::string shipped = "mappings/" + name + ".yaml";
+  const std::vector<std::string> names = shipped_config_names();
+  std::error_code error;
+  if (!std::filesystem::exists(name, error) &&
+      std::find(names.begin(), names.end(), shipped) != names.end()) {
+    return map_sources::VectorMapping::read(std::string(shipped_config(shipped)),
+                                            "config/" + shipped);
+  }
+  return map_sources::VectorMapping::read(read_file(name), name);
+}
+
+void add_vectors(const PrepareArguments& arguments, preparation::PrepareRequest& request) {
+  if (arguments.vectors.size() != arguments.mappings.size()) {
+    throw UsageError("--vectors is given " + std::to_string(arguments.vectors.size()) +
+                         " times, --mapping " + std::to_string(arguments.mappings.size()) +
+                         " times",
+                     "each vector file needs its mapping, in the same order; the shipped one for "
+                     "Taiwan's topographic map is called taiwan_topo25k");
+  }
+  for (std::size_t i = 0; i < arguments.vectors.size(); ++i) {
+    request.vectors.push_back({arguments.vectors[i], mapping_of(arguments.mappings[i])});
+  }
+}
+
 preparation::PrepareRequest request_of(const PrepareArguments& arguments, const Console& console) {
   preparation::PrepareRequest request;
-  request.dem_files.assign(arguments.dem.begin(), arguments.dem.end());
+  for (const std::string& dem : arguments.dem) {
+    request.dem_files.push_back(map_sources::ElevationInput::parse(dem));
+  }
   request.osm_files.assign(arguments.osm.begin(), arguments.osm.end());
   if (!arguments.bbox_deg.empty()) {
     geo::GeodeticBox box;
@@ -52,6 +82,7 @@ preparation::PrepareRequest request_of(const PrepareArguments& arguments, const 
   if (arguments.cell_m > 0.0) {
     request.cell_m = arguments.cell_m;
   }
+  add_vectors(arguments, request);
   request.crs = arguments.crs;
   request.label = arguments.label;
   request.attributions = arguments.attributions;
@@ -108,19 +139,32 @@ void add_prepare_verb(CLI::App& app, Console& console) {
   verb->footer(
       "Elevation: SRTM .hgt and .hgt.zip, GeoTIFF and whatever else GDAL reads, in any projection. "
       "Land "
-      "use: OpenStreetMap .osm, .osm.gz, .osm.bz2, .osm.pbf. The bundle holds terrain, surface, "
+      "use: OpenStreetMap .osm, .osm.gz, .osm.bz2, .osm.pbf, and any other vector file with a "
+      "mapping "
+      "that says what its layers mean. The bundle holds terrain, surface, "
       "semantics and visibility as GeoTIFF, power lines as GeoPackage and a manifest; QGIS opens "
       "all of "
       "it. The same files and settings give the same bytes.\n"
       "Example:\n"
       "  hedgehop prepare --dem N49E011.hgt.zip --dem N50E011.hgt.zip --osm area.osm.pbf \\\n"
-      "                   --bbox 11.38,49.87,11.69,50.11 --out map");
+      "                   --bbox 11.38,49.87,11.69,50.11 --out map\n"
+      "  hedgehop prepare --dem dem.tif --vectors topo.gpkg --mapping taiwan_topo25k --out map");
   auto arguments = std::make_shared<PrepareArguments>();
-  verb->add_option("--dem", arguments->dem,
-                   "Elevation file; repeat it for several, earlier ones win where they overlap")
+  verb->add_option(
+          "--dem", arguments->dem,
+          "Elevation file; repeat it for several, earlier ones win where they overlap. Behind "
+          "it may stand :terrain or :surface (trees and houses are in it), :datum=EGM2008, "
+          ":crs=EPSG:4326")
       ->required()
       ->allow_extra_args(false);
   verb->add_option("--osm", arguments->osm, "OpenStreetMap file; may be repeated")
+      ->allow_extra_args(false);
+  verb->add_option("--vectors", arguments->vectors,
+                   "Vector file (GeoPackage, Shapefile, GeoJSON, ...); may be repeated")
+      ->allow_extra_args(false);
+  verb->add_option("--mapping", arguments->mappings,
+                   "What the layers of the --vectors file mean: a YAML file, or the name of a "
+                   "shipped one; one for each --vectors, in the same order")
       ->allow_extra_args(false);
   verb->add_option("--bbox", arguments->bbox_deg,
                    "West,south,east,north in degrees (default: all that the elevation files cover)")

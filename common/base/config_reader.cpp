@@ -207,6 +207,11 @@ bool ConfigReader::has(std::string_view key) const {
   return static_cast<bool>(constant[std::string(key)]);
 }
 
+std::string ConfigReader::file_and_line() const {
+  const YAML::Mark mark = node_->yaml.Mark();
+  return mark.line < 0 ? node_->name : node_->name + ":" + std::to_string(mark.line + 1);
+}
+
 double ConfigReader::required_double(std::string_view key) {
   return node_->number(node_->value(key), key);
 }

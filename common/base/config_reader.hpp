@@ -27,6 +27,8 @@ class ConfigReader {
   ~ConfigReader();
 
   [[nodiscard]] bool has(std::string_view key) const;
+  /// Where this mapping begins: `file:line`.
+  [[nodiscard]] std::string file_and_line() const;
   double required_double(std::string_view key);
   /// Key ends in `_deg`; the value comes back in radians.
   double required_angle(std::string_view key_deg);

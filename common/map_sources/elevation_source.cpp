@@ -14,10 +14,10 @@
 #include <map>
 #include <ogr_spatialref.h>
 #include <optional>
-#include <regex>  // layers: it sees file names only, which are short
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "map_sources/gdal_access.hpp"
 
 namespace hedgehop::map_sources {
 namespace {
@@ -29,29 +29,6 @@ constexpr double kHighestGround_m = 9500.0;  // Mount Everest: 8849 m
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 constexpr double kSamplesMax = 1e9;
 constexpr char kStage[] = "elevation";
-
-struct DatasetCloser {
-  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
-};
-using DatasetPointer = std::unique_ptr<GDALDataset, DatasetCloser>;
-
-class GdalErrors {
- public:
-  GdalErrors() { CPLPushErrorHandlerEx(&GdalErrors::on_error, this); }
-  ~GdalErrors() { CPLPopErrorHandler(); }
-  GdalErrors(const GdalErrors&) = delete;
-  GdalErrors& operator=(const GdalErrors&) = delete;
-  [[nodiscard]] const std::string& first() const { return first_; }
-
- private:
-  static void CPL_STDCALL on_error(CPLErr severity, CPLErrorNum, const char* text) {
-    auto* self = static_cast<GdalErrors*>(CPLGetErrorHandlerUserData());
-    if (severity >= CE_Failure && self->first_.empty()) {
-      self->first_ = text;
-    }
-  }
-  std::string first_;
-};
 
 // Column, row -> x, y of a raster, as GDAL defines it.
 struct Affine {
@@ -81,6 +58,8 @@ struct OpenFile {
   double scale = 1.0;  // to metres
   double offset_m = 0.0;
   std::optional<double> no_data;
+  std::shared_ptr<const geo::VerticalShift> shift;  // none: heights are the map's already
+  std::shared_ptr<OGRCoordinateTransformation> to_geodetic;
 };
 
 std::string lower(std::string text) {
@@ -91,6 +70,48 @@ std::string lower(std::string text) {
 
 bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+// What is known of a product by its file name.
+struct Product {
+  const char* mark;  // in small letters
+  ElevationKind kind;
+  const char* datum;
+};
+constexpr std::array<Product, 9> kProducts = {
+    {{"copernicus_dsm", ElevationKind::kSurface, "EGM2008"},
+     {"fabdem", ElevationKind::kTerrain, "EGM2008"},
+     {"alpsmlc30", ElevationKind::kSurface, "EGM96"},
+     {"aw3d30", ElevationKind::kSurface, "EGM96"},
+     {"astgtm", ElevationKind::kSurface, "EGM96"},
+     {"aster_gdem", ElevationKind::kSurface, "EGM96"},
+     {"tdm1_dem", ElevationKind::kSurface, "ellipsoid"},
+     {"nasadem", ElevationKind::kTerrain, "EGM96"},
+     {"srtm", ElevationKind::kTerrain, "EGM96"}}};
+
+const Product* product_of(const std::string& name, const std::string& format) {
+  static constexpr Product kSrtm{"", ElevationKind::kTerrain, "EGM96"};
+  for (const Product& product : kProducts) {
+    if (lower(name).find(product.mark) != std::string::npos) {
+      return &product;
+    }
+  }
+  // DTED heights are above mean sea level by its specification.
+  return format == "SRTMHGT" || format == "DTED" ? &kSrtm : nullptr;
+}
+
+// "dsm" as a word of its own: "town_dsm_2019.tif".
+bool says_surface(const std::string& name) {
+  const std::string text = lower(name);
+  const auto is_letter = [&](std::size_t i) {
+    return i < text.size() && std::isalpha(static_cast<unsigned char>(text[i])) != 0;
+  };
+  for (std::size_t i = text.find("dsm"); i != std::string::npos; i = text.find("dsm", i + 1)) {
+    if (!(i > 0 && is_letter(i - 1)) && !is_letter(i + 3)) {
+      return true;
+    }
+  }
+  return false;
 }
 
 // GDAL compares a member's checksum only when it is read from end to end, which a driver need not
@@ -182,50 +203,61 @@ double unit_in_metres(const std::string& unit, const fs::path& path) {
                   "convert it to metres first, for example with gdal_translate -scale");
 }
 
-std::unique_ptr<OGRCoordinateTransformation> transformation(const OGRSpatialReference& from,
-                                                            const OGRSpatialReference& to,
-                                                            const fs::path& path) {
-  OGRCoordinateTransformationOptions options;
-  options.SetBallparkAllowed(false);
-  GdalErrors errors;
-  std::unique_ptr<OGRCoordinateTransformation> result(
-      OGRCreateCoordinateTransformation(&from, &to, options));
-  if (!result) {
+// Takes the vertical part off the file's coordinate system.
+void set_datum(OpenFile& file, const ElevationInput& input, const Product* product,
+               const geo::VerticalDatum& map_datum) {
+  ElevationFile& facts = file.facts;
+  std::optional<geo::VerticalDatum> stated;
+  std::string stated_name;
+  if (file.crs.IsCompound()) {
+    const char* name = file.crs.GetAttrValue("VERT_CS");
+    const char* code = file.crs.GetAuthorityCode("VERT_CS");
+    stated_name = name == nullptr ? "?" : name;
+    try {
+      stated = geo::VerticalDatum::parse("EPSG:" + std::string(code == nullptr ? "" : code));
+    } catch (const UsageError&) {
+      for (const char* known : {"EGM2008", "EGM96", "EGM84"}) {
+        std::string plain = stated_name;
+        std::erase_if(plain, [](char c) { return c == ' ' || c == '_'; });
+        if (lower(plain).find(lower(known)) != std::string::npos) {
+          stated = geo::VerticalDatum::parse(known);
+          break;
+        }
+      }
+    }
+    file.crs.StripVertical();
+  } else if (file.crs.GetAxesCount() == 3) {
+    stated = geo::VerticalDatum::parse("ellipsoid");
+    file.crs.DemoteTo2D(nullptr);
+  }
+  if (input.datum) {
+    facts.datum = *input.datum;
+    facts.datum_from = "command line";
+  } else if (stated) {
+    facts.datum = *stated;
+    facts.datum_from = "file";
+  } else if (!stated_name.empty()) {
     throw DataError(
-        path.string() + ": its coordinate system cannot be related to the map's: " + errors.first(),
-        "reproject it first, for example with gdalwarp -t_srs EPSG:4326");
+        input.file.string() + ": its heights refer to '" + stated_name + "', which is not known",
+        "say what they refer to, for example " + input.file.filename().string() +
+            ":datum=EGM96 or :datum=EPSG:5703");
+  } else if (product != nullptr) {
+    facts.datum = geo::VerticalDatum::parse(product->datum);
+    facts.datum_from = "product";
+  } else {
+    facts.datum = map_datum;
+    facts.datum_from = "assumed";
   }
-  return result;
 }
 
-OGRSpatialReference wgs84() {
-  OGRSpatialReference crs;
-  crs.importFromEPSG(4326);
-  crs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-  return crs;
-}
-
-// Points along the outline of a rectangle, sides followed because they are curved elsewhere.
-std::vector<std::pair<double, double>> outline(double x0, double y0, double x1, double y1) {
-  constexpr int kSteps = 40;
-  std::vector<std::pair<double, double>> points;
-  for (int i = 0; i <= kSteps; ++i) {
-    const double t = static_cast<double>(i) / kSteps;
-    const double x = x0 + t * (x1 - x0);
-    const double y = y0 + t * (y1 - y0);
-    points.emplace_back(x, y0);
-    points.emplace_back(x, y1);
-    points.emplace_back(x0, y);
-    points.emplace_back(x1, y);
-  }
-  return points;
-}
-
-OpenFile open_file(const fs::path& given) {
+OpenFile open_file(const ElevationInput& input, const geo::VerticalDatum& map_datum) {
+  const fs::path& given = input.file;
   const fs::path path = fs::absolute(given);
   std::error_code error;
   if (!fs::exists(path, error)) {
-    throw DataError(given.string() + ": no such file", "check the path given with --dem");
+    throw DataError(given.string() + ": no such file",
+                    "check the path given with --dem; behind it may stand :terrain, :surface, "
+                    ":datum=NAME and :crs=EPSG:CODE");
   }
   if (!fs::is_regular_file(path, error)) {
     throw DataError(given.string() + ": is not a file", "give elevation files one by one");
@@ -253,16 +285,35 @@ OpenFile open_file(const fs::path& given) {
     throw DataError(given.string() + ": does not say where it lies (no geo-transform)",
                     "add it, for example with gdal_translate -a_ullr");
   }
-  const OGRSpatialReference* crs = dataset.GetSpatialRef();
-  if (crs == nullptr || (!crs->IsProjected() && !crs->IsGeographic())) {
-    throw DataError(given.string() + ": has no coordinate system",
-                    "add it, for example with gdal_translate -a_srs EPSG:4326");
+  file.facts.parts = parts_of(dataset, given);
+  if (!input.crs.empty()) {
+    if (file.crs.SetFromUserInput(input.crs.c_str(),
+                                  OGRSpatialReference::SET_FROM_USER_INPUT_LIMITATIONS_get()) !=
+        OGRERR_NONE) {
+      throw UsageError(given.string() + ": coordinate system '" + input.crs + "' is not known",
+                       "give a code, for example :crs=EPSG:4326");
+    }
+  } else if (dataset.GetSpatialRef() != nullptr) {
+    file.crs = *dataset.GetSpatialRef();
   }
-  file.crs = *crs;
-  if (file.crs.IsCompound()) {
-    const char* vertical = file.crs.GetAttrValue("VERT_CS");
-    file.facts.vertical = vertical == nullptr ? "" : vertical;
-    file.crs.StripVertical();
+  if (!file.crs.IsProjected() && !file.crs.IsGeographic()) {
+    throw DataError(given.string() + ": has no coordinate system",
+                    "say it, for example " + given.filename().string() + ":crs=EPSG:4326");
+  }
+  file.facts.format = dataset.GetDriver()->GetDescription();
+  const Product* product = product_of(fs::path(name).filename().string(), file.facts.format);
+  set_datum(file, input, product, map_datum);
+  if (input.kind) {
+    file.facts.kind = *input.kind;
+    file.facts.kind_from = "command line";
+  } else if (product != nullptr) {
+    file.facts.kind = product->kind;
+    file.facts.kind_from = "product";
+  } else if (says_surface(file.facts.name)) {
+    file.facts.kind = ElevationKind::kSurface;
+    file.facts.kind_from = "name";
+  } else {
+    file.facts.kind_from = "default";
   }
   file.crs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
   GDALRasterBand* band = dataset.GetRasterBand(1);
@@ -277,7 +328,6 @@ OpenFile open_file(const fs::path& given) {
   if (has_no_data != FALSE) {
     file.no_data = no_data;
   }
-  file.facts.format = dataset.GetDriver()->GetDescription();
   const char* authority = file.crs.GetAuthorityName(nullptr);
   const char* code = file.crs.GetAuthorityCode(nullptr);
   file.facts.crs = authority != nullptr && code != nullptr ? std::string(authority) + ":" + code
@@ -287,13 +337,13 @@ OpenFile open_file(const fs::path& given) {
   file.facts.columns = dataset.GetRasterXSize();
   file.facts.rows = dataset.GetRasterYSize();
 
-  const auto to_geodetic = transformation(file.crs, wgs84(), given);
+  file.to_geodetic = transformation(file.crs, wgs84(), given);
   geo::GeodeticBox& box = file.facts.extent;
   box = {1e9, 1e9, -1e9, -1e9};
   for (const auto& [column, row] : outline(0.0, 0.0, file.facts.columns, file.facts.rows)) {
     double longitude_deg = file.affine.x(column, row);
     double latitude_deg = file.affine.y(column, row);
-    if (!to_geodetic->Transform(1, &longitude_deg, &latitude_deg) ||
+    if (!file.to_geodetic->Transform(1, &longitude_deg, &latitude_deg) ||
         !(std::fabs(latitude_deg) <= 90.1) || !(std::fabs(longitude_deg) <= 180.1)) {
       throw DataError(given.string() + ": lies outside the globe",
                       "check its geo-transform and coordinate system with gdalinfo");
@@ -302,6 +352,14 @@ OpenFile open_file(const fs::path& given) {
     box.east_rad = std::max(box.east_rad, radians_from_degrees(longitude_deg));
     box.south_rad = std::min(box.south_rad, radians_from_degrees(latitude_deg));
     box.north_rad = std::max(box.north_rad, radians_from_degrees(latitude_deg));
+  }
+  if (!(file.facts.datum == map_datum)) {
+    try {
+      file.shift = std::make_shared<geo::VerticalShift>(file.facts.datum, map_datum, box);
+    } catch (const DataError& caught) {
+      throw DataError(given.string() + ": " + caught.what(), caught.hint());
+    }
+    file.facts.datum_conversion = file.shift->operation();
   }
   const double metres_per_unit =
       file.crs.IsGeographic() ? file.crs.GetSemiMajor() * kDegree_rad : file.crs.GetLinearUnits();
@@ -315,7 +373,7 @@ OpenFile open_file(const fs::path& given) {
 
 // Files whose samples lie on one lattice can be joined without interpolation.
 bool share_lattice(const OpenFile& a, const OpenFile& b) {
-  if (!a.crs.IsSame(&b.crs)) {
+  if (a.facts.kind != b.facts.kind || !a.crs.IsSame(&b.crs)) {
     return false;
   }
   const double tolerance = 1e-6;
@@ -337,6 +395,8 @@ struct Samples {
   int columns = 0;
   int rows = 0;
   std::vector<float> values_m;
+  std::vector<std::uint16_t> files;  // that each value is of; empty where there is one only
+  std::uint16_t first_file = 0;
 };
 
 struct ProgressLink {
@@ -351,7 +411,7 @@ int CPL_STDCALL on_progress(double complete, const char*, void* link_pointer) {
   return link->observer->stop_requested() ? FALSE : TRUE;
 }
 
-void copy_samples(const OpenFile& file, Samples& samples, Observer& observer) {
+void copy_samples(const OpenFile& file, std::size_t number, Samples& samples, Observer& observer) {
   // Where this file's first sample lies in the window.
   const int left =
       static_cast<int>(std::lround(samples.affine.column(file.affine.c[0], file.affine.c[3])));
@@ -376,17 +436,29 @@ void copy_samples(const OpenFile& file, Samples& samples, Observer& observer) {
       throw DataError(file.path.string() + ": cannot be read: " + errors.first(),
                       "the file may be damaged or cut off; fetch it again");
     }
-    float* target =
-        samples.values_m.data() +
+    const std::size_t begin =
         static_cast<std::size_t>(top + row) * static_cast<std::size_t>(samples.columns) +
         static_cast<std::size_t>(left + first_column);
+    float* target = samples.values_m.data() + begin;
     for (int i = 0; i < count; ++i) {
       const double raw = line[static_cast<std::size_t>(i)];
-      const double height_m = raw * file.scale + file.offset_m;
+      double height_m = raw * file.scale + file.offset_m;
       const bool is_void = (file.no_data && raw == *file.no_data) || raw == -32768.0 ||
                            !(height_m >= kLowestGround_m && height_m <= kHighestGround_m);
-      if (!is_void && std::isnan(target[i])) {
-        target[i] = static_cast<float>(height_m);
+      if (is_void || !std::isnan(target[i])) {
+        continue;
+      }
+      if (file.shift) {
+        double x = file.affine.x(first_column + i + 0.5, row + 0.5);
+        double y = file.affine.y(first_column + i + 0.5, row + 0.5);
+        height_m =
+            file.to_geodetic->Transform(1, &x, &y)
+                ? height_m + file.shift->at_m({radians_from_degrees(y), radians_from_degrees(x)})
+                : static_cast<double>(kUnknown);
+      }
+      target[i] = static_cast<float>(height_m);
+      if (!samples.files.empty()) {
+        samples.files[begin + static_cast<std::size_t>(i)] = static_cast<std::uint16_t>(number);
       }
     }
   }
@@ -397,6 +469,7 @@ float rounded_up(double value_m) { return static_cast<float>(std::ceil(value_m *
 }  // namespace
 
 struct ElevationSource::Impl {
+  double void_fill_radius_m = 0.0;
   std::vector<OpenFile> files;
   std::vector<ElevationFile> facts;
   std::vector<std::vector<std::size_t>> lattices;  // files that belong together, in order
@@ -404,9 +477,15 @@ struct ElevationSource::Impl {
   std::optional<Samples> read_window(const std::vector<std::size_t>& lattice,
                                      const raster::GridGeometry& geometry,
                                      const OGRSpatialReference& map_crs, Observer& observer) const;
-  void warp(const Samples& samples, const OpenFile& origin, const std::string& crs_wkt, int threads,
-            const ProgressLink& link, int lattice_number, raster::Grid<float>& terrain_m,
-            raster::Grid<std::int32_t>& owner) const;
+  raster::Grid<float> warp(const Samples& samples, const OpenFile& origin,
+                           const raster::GridGeometry& geometry, const std::string& crs_wkt,
+                           int threads, const ProgressLink& link) const;
+  raster::Grid<std::uint16_t> files_of_cells(const Samples& samples, const OpenFile& origin,
+                                             const OGRSpatialReference& map_crs,
+                                             const raster::GridGeometry& geometry,
+                                             Observer& observer) const;
+  ElevationLayers merged(const raster::GridGeometry& geometry, const std::string& crs_wkt,
+                         int threads, Observer& observer) const;
   void raise_to_samples(const Samples& samples, const OpenFile& origin,
                         const OGRSpatialReference& map_crs, bool over_bilinear, int lattice_number,
                         const raster::Grid<std::int32_t>& owner, const raster::Grid<float>& base_m,
@@ -464,17 +543,20 @@ std::optional<Samples> ElevationSource::Impl::read_window(const std::vector<std:
   samples.affine.c[3] = origin.affine.y(left, top);
   samples.values_m.assign(
       static_cast<std::size_t>(samples.columns) * static_cast<std::size_t>(samples.rows), kUnknown);
+  samples.first_file = static_cast<std::uint16_t>(lattice.front());
+  if (lattice.size() > 1) {
+    samples.files.assign(samples.values_m.size(), samples.first_file);
+  }
   for (const std::size_t index : lattice) {
-    copy_samples(files[index], samples, observer);
+    copy_samples(files[index], index, samples, observer);
   }
   return samples;
 }
 
-void ElevationSource::Impl::warp(const Samples& samples, const OpenFile& origin,
-                                 const std::string& crs_wkt, int threads, const ProgressLink& link,
-                                 int lattice_number, raster::Grid<float>& terrain_m,
-                                 raster::Grid<std::int32_t>& owner) const {
-  const raster::GridGeometry& geometry = terrain_m.geometry();
+raster::Grid<float> ElevationSource::Impl::warp(const Samples& samples, const OpenFile& origin,
+                                                const raster::GridGeometry& geometry,
+                                                const std::string& crs_wkt, int threads,
+                                                const ProgressLink& link) const {
   GdalErrors errors;
   const auto check = [&](bool condition) {
     if (link.observer->stop_requested()) {
@@ -556,17 +638,55 @@ void ElevationSource::Impl::warp(const Samples& samples, const OpenFile& origin,
   check(operation.Initialize(options.get()) == CE_None);
   check(operation.ChunkAndWarpImage(0, 0, geometry.columns, geometry.rows) == CE_None);
   target->FlushCache(false);
+  raster::Grid<float> result(geometry, kUnknown);
   for (int row = 0; row < geometry.rows; ++row) {
     const float* line = north_up.data() + static_cast<std::size_t>(geometry.rows - 1 - row) *
                                               static_cast<std::size_t>(geometry.columns);
     for (int column = 0; column < geometry.columns; ++column) {
-      float& cell_m = terrain_m.at(column, row);
-      if (std::isnan(cell_m) && !std::isnan(line[column])) {
-        cell_m = static_cast<float>(std::round(static_cast<double>(line[column]) * 64.0) / 64.0);
-        owner.at(column, row) = lattice_number;
-      }
+      result.at(column, row) =
+          static_cast<float>(std::round(static_cast<double>(line[column]) * 64.0) / 64.0);
     }
   }
+  return result;
+}
+
+// The file of the sample nearest to each cell's centre.
+raster::Grid<std::uint16_t> ElevationSource::Impl::files_of_cells(
+    const Samples& samples, const OpenFile& origin, const OGRSpatialReference& map_crs,
+    const raster::GridGeometry& geometry, Observer& observer) const {
+  raster::Grid<std::uint16_t> result(geometry, samples.first_file);
+  if (samples.files.empty()) {
+    return result;
+  }
+  const auto to_source = transformation(map_crs, origin.crs, origin.path);
+  const auto width = static_cast<std::size_t>(geometry.columns);
+  std::vector<double> x(width);
+  std::vector<double> y(width);
+  std::vector<int> is_good(width);
+  for (int row = 0; row < geometry.rows; ++row) {
+    if (row % 8 == 0) {
+      observer.check_stop();
+    }
+    for (int column = 0; column < geometry.columns; ++column) {
+      const geo::MapPoint centre = geometry.centre({column, row});
+      x[static_cast<std::size_t>(column)] = centre.x_m;
+      y[static_cast<std::size_t>(column)] = centre.y_m;
+    }
+    to_source->Transform(geometry.columns, x.data(), y.data(), nullptr, is_good.data());
+    for (int column = 0; column < geometry.columns; ++column) {
+      const auto i = static_cast<std::size_t>(column);
+      if (is_good[i] == 0) {
+        continue;
+      }
+      const double sample_column = std::floor(samples.affine.column(x[i], y[i]));
+      const double sample_row = std::floor(samples.affine.row(x[i], y[i]));
+      const auto c =
+          static_cast<std::size_t>(std::clamp(sample_column, 0.0, samples.columns - 1.0));
+      const auto r = static_cast<std::size_t>(std::clamp(sample_row, 0.0, samples.rows - 1.0));
+      result.at(column, row) = samples.files[r * static_cast<std::size_t>(samples.columns) + c];
+    }
+  }
+  return result;
 }
 
 // First pass: no cell below a sample in it. Second pass (over_bilinear): where the bilinear surface
@@ -627,14 +747,55 @@ void ElevationSource::Impl::raise_to_samples(
   }
 }
 
-ElevationSource::ElevationSource(const std::vector<fs::path>& paths)
+std::string_view word_of(ElevationKind kind) {
+  return kind == ElevationKind::kTerrain ? "terrain" : "surface";
+}
+
+ElevationInput ElevationInput::parse(const std::string& text) {
+  std::string rest = text;
+  std::optional<ElevationKind> kind;
+  std::optional<geo::VerticalDatum> datum;
+  std::string crs;
+  std::error_code error;
+  while (!fs::exists(rest, error)) {
+    const std::size_t key = std::max(rest.rfind(":datum=") + 1, rest.rfind(":crs=") + 1);
+    if (ends_with(rest, ":terrain") || ends_with(rest, ":surface")) {
+      kind = ends_with(rest, ":terrain") ? ElevationKind::kTerrain : ElevationKind::kSurface;
+      rest.resize(rest.size() - 8);
+    } else if (key > 1 && rest.find('/', key) == std::string::npos) {
+      const std::string value = rest.substr(rest.find('=', key) + 1);
+      if (rest[key] == 'd') {
+        datum = geo::VerticalDatum::parse(value);
+      } else {
+        crs = value;
+      }
+      rest.resize(key - 1);
+    } else {
+      break;
+    }
+  }
+  ElevationInput input{fs::path(rest)};
+  input.kind = kind;
+  input.datum = datum;
+  input.crs = crs;
+  return input;
+}
+
+ElevationSource::ElevationSource(const std::vector<ElevationInput>& inputs,
+                                 const geo::VerticalDatum& map_datum, double void_fill_radius_m)
     : impl_(std::make_unique<Impl>()) {
   GDALAllRegister();
-  if (paths.empty()) {
+  if (inputs.empty()) {
     throw UsageError("no elevation file is given", "add at least one with --dem");
   }
-  for (const fs::path& path : paths) {
-    impl_->files.push_back(open_file(path));
+  constexpr std::size_t kFilesMax = 60000;
+  if (inputs.size() > kFilesMax) {
+    throw UsageError("more than 60000 elevation files are given",
+                     "join them to a virtual mosaic with gdalbuildvrt");
+  }
+  impl_->void_fill_radius_m = void_fill_radius_m;
+  for (const ElevationInput& input : inputs) {
+    impl_->files.push_back(open_file(input, map_datum));
     impl_->facts.push_back(impl_->files.back().facts);
   }
   for (std::size_t i = 0; i < impl_->files.size(); ++i) {
@@ -667,44 +828,200 @@ geo::GeodeticBox ElevationSource::extent() const {
   return box;
 }
 
-ElevationLayers ElevationSource::on_grid(const raster::GridGeometry& geometry,
-                                         const std::string& crs_wkt, int threads,
-                                         Observer& observer) const {
-  const GdalErrors silent;
+namespace {
+
+// Fills holes; see the header. What is filled in here is no known cell for its neighbours.
+void fill_holes(ElevationLayers& layers, double radius_m, Observer& observer) {
+  const raster::GridGeometry& g = layers.terrain_m.geometry();
+  struct Direction {
+    int columns, rows;
+    double step_m;
+  };
+  const std::array<Direction, 4> directions = {{{1, 0, g.cell_m},
+                                                {0, 1, g.cell_m},
+                                                {1, 1, g.cell_m * std::sqrt(2.0)},
+                                                {1, -1, g.cell_m * std::sqrt(2.0)}}};
+  struct Filling {
+    std::size_t index;
+    float terrain_m;
+    float upper_m;
+  };
+  std::vector<Filling> fillings;
+  for (int row = 0; row < g.rows; ++row) {
+    if (row % 8 == 0) {
+      observer.check_stop();
+    }
+    for (int column = 0; column < g.columns; ++column) {
+      if (!std::isnan(layers.terrain_m.at(column, row))) {
+        continue;
+      }
+      int pairs = 0;
+      double sum = 0.0;
+      double weights = 0.0;
+      float highest_m = -std::numeric_limits<float>::infinity();
+      for (const Direction& direction : directions) {
+        std::array<std::optional<raster::CellIndex>, 2> ends;
+        std::array<double, 2> distances_m{};
+        for (const int sign : {-1, 1}) {
+          const auto end = static_cast<std::size_t>(sign > 0 ? 1 : 0);
+          for (int step = 1; step * direction.step_m <= radius_m; ++step) {
+            const raster::CellIndex cell{column + sign * step * direction.columns,
+                                         row + sign * step * direction.rows};
+            if (!g.contains(cell)) {
+              break;
+            }
+            if (!std::isnan(layers.terrain_m.at(cell))) {
+              ends[end] = cell;
+              distances_m[end] = step * direction.step_m;
+              break;
+            }
+          }
+        }
+        if (!ends[0] || !ends[1]) {
+          continue;
+        }
+        ++pairs;
+        const double weight = 1.0 / (distances_m[0] + distances_m[1]);
+        sum += weight * weight *
+               (static_cast<double>(layers.terrain_m.at(*ends[0])) * distances_m[1] +
+                static_cast<double>(layers.terrain_m.at(*ends[1])) * distances_m[0]);
+        weights += weight;
+        for (const auto& end : ends) {
+          highest_m = std::max(highest_m, layers.upper_terrain_m.at(*end));
+        }
+      }
+      if (pairs >= 2) {
+        const double terrain_m = std::round(sum / weights * 64.0) / 64.0;
+        fillings.push_back({static_cast<std::size_t>(row) * static_cast<std::size_t>(g.columns) +
+                                static_cast<std::size_t>(column),
+                            static_cast<float>(terrain_m), highest_m});
+      }
+    }
+  }
+  for (const Filling& filling : fillings) {
+    layers.terrain_m.values()[filling.index] = filling.terrain_m;
+    layers.upper_terrain_m.values()[filling.index] = std::max(filling.upper_m, filling.terrain_m);
+    layers.source.values()[filling.index] = ElevationLayers::kFilled;
+  }
+}
+
+}  // namespace
+
+ElevationLayers ElevationSource::Impl::merged(const raster::GridGeometry& geometry,
+                                              const std::string& crs_wkt, int threads,
+                                              Observer& observer) const {
   OGRSpatialReference map_crs;
   if (map_crs.importFromWkt(crs_wkt.c_str()) != OGRERR_NONE) {
     throw std::invalid_argument("on_grid: not a coordinate system: " + crs_wkt);
   }
   map_crs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+  constexpr std::uint16_t kNone = 65535;
   ElevationLayers layers;
   layers.terrain_m = raster::Grid<float>(geometry, kUnknown);
-  raster::Grid<std::int32_t> owner(geometry, -1);  // lattice that each cell's height comes from
-  const double share = 1.0 / static_cast<double>(impl_->lattices.size());
+  layers.is_surface = raster::Grid<std::uint8_t>(geometry, 0);
+  layers.source = raster::Grid<std::uint16_t>(geometry, 0);
+  raster::Grid<std::int32_t> owner(geometry, -1);      // lattice that each cell's height comes from
+  raster::Grid<std::uint16_t> first(geometry, kNone);  // file that each cell's height comes from
+  const auto is_surface = [&](std::size_t lattice) {
+    return files[lattices[lattice].front()].facts.kind == ElevationKind::kSurface;
+  };
+  bool has_surface = false;
+  bool has_terrain = false;
+  for (std::size_t i = 0; i < lattices.size(); ++i) {
+    (is_surface(i) ? has_surface : has_terrain) = true;
+  }
+  // The ground below surfaces, of terrain files alone.
+  raster::Grid<float> ground_m;
+  raster::Grid<std::uint16_t> first_ground;
+  if (has_surface && has_terrain) {
+    ground_m = raster::Grid<float>(geometry, kUnknown);
+    first_ground = raster::Grid<std::uint16_t>(geometry, kNone);
+  }
+  const double share = 1.0 / static_cast<double>(lattices.size());
   std::vector<std::optional<Samples>> windows;
   observer.progress(kStage, 0.0, 1.0);
-  for (std::size_t i = 0; i < impl_->lattices.size(); ++i) {
+  for (std::size_t i = 0; i < lattices.size(); ++i) {
     observer.check_stop();
-    const OpenFile& origin = impl_->files[impl_->lattices[i].front()];
-    windows.push_back(impl_->read_window(impl_->lattices[i], geometry, map_crs, observer));
-    if (windows.back()) {
-      impl_->warp(*windows.back(), origin, crs_wkt, threads,
-                  {&observer, share * static_cast<double>(i), 0.6 * share}, static_cast<int>(i),
-                  layers.terrain_m, owner);
+    const OpenFile& origin = files[lattices[i].front()];
+    windows.push_back(read_window(lattices[i], geometry, map_crs, observer));
+    if (!windows.back()) {
+      continue;
+    }
+    const raster::Grid<float> heights_m =
+        warp(*windows.back(), origin, geometry, crs_wkt, threads,
+             {&observer, share * static_cast<double>(i), 0.6 * share});
+    const raster::Grid<std::uint16_t> numbers =
+        files_of_cells(*windows.back(), origin, map_crs, geometry, observer);
+    for (std::size_t cell = 0; cell < geometry.cell_count(); ++cell) {
+      const float height_m = heights_m.values()[cell];
+      const std::uint16_t number = numbers.values()[cell];
+      if (std::isnan(height_m)) {
+        continue;
+      }
+      if (number < first.values()[cell]) {
+        first.values()[cell] = number;
+        layers.terrain_m.values()[cell] = height_m;
+        owner.values()[cell] = static_cast<std::int32_t>(i);
+        layers.is_surface.values()[cell] = is_surface(i) ? 1 : 0;
+        layers.source.values()[cell] = static_cast<std::uint16_t>(number + 1);
+      }
+      if (!ground_m.is_empty() && !is_surface(i) && number < first_ground.values()[cell]) {
+        first_ground.values()[cell] = number;
+        ground_m.values()[cell] = height_m;
+      }
     }
   }
   layers.upper_terrain_m = layers.terrain_m;
   for (const bool over_bilinear : {false, true}) {
     const raster::Grid<float> base_m = layers.upper_terrain_m;
-    for (std::size_t i = 0; i < impl_->lattices.size(); ++i) {
+    for (std::size_t i = 0; i < lattices.size(); ++i) {
       if (windows[i]) {
-        impl_->raise_to_samples(*windows[i], impl_->files[impl_->lattices[i].front()], map_crs,
-                                over_bilinear, static_cast<int>(i), owner, base_m,
-                                layers.upper_terrain_m, observer);
+        raise_to_samples(*windows[i], files[lattices[i].front()], map_crs, over_bilinear,
+                         static_cast<int>(i), owner, base_m, layers.upper_terrain_m, observer);
       }
     }
   }
+  for (std::size_t cell = 0; cell < (ground_m.is_empty() ? 0 : geometry.cell_count()); ++cell) {
+    if (layers.is_surface.values()[cell] != 0 && !std::isnan(ground_m.values()[cell])) {
+      layers.terrain_m.values()[cell] =
+          std::min(layers.terrain_m.values()[cell], ground_m.values()[cell]);
+    }
+  }
+  fill_holes(layers, void_fill_radius_m, observer);
   observer.progress(kStage, 1.0, 1.0);
   return layers;
+}
+
+namespace {
+
+template <typename T>
+raster::Grid<T> inner_part(const raster::Grid<T>& grid, const raster::GridGeometry& geometry,
+                           int margin) {
+  raster::Grid<T> result(geometry, T{});
+  for (int row = 0; row < geometry.rows; ++row) {
+    std::copy_n(grid.row(row + margin) + margin, geometry.columns, result.row(row));
+  }
+  return result;
+}
+
+}  // namespace
+
+ElevationLayers ElevationSource::on_grid(const raster::GridGeometry& geometry,
+                                         const std::string& crs_wkt, int threads,
+                                         Observer& observer) const {
+  const GdalErrors silent;
+  // What a cell needs of its neighbours: filling looks as far as its radius, raising one cell.
+  const int margin = 2 + static_cast<int>(std::ceil(impl_->void_fill_radius_m / geometry.cell_m));
+  const raster::GridGeometry wide{geometry.west_m - margin * geometry.cell_m,
+                                  geometry.south_m - margin * geometry.cell_m, geometry.cell_m,
+                                  geometry.columns + 2 * margin, geometry.rows + 2 * margin};
+  const ElevationLayers layers = impl_->merged(wide, crs_wkt, threads, observer);
+  ElevationLayers result;
+  result.terrain_m = inner_part(layers.terrain_m, geometry, margin);
+  result.upper_terrain_m = inner_part(layers.upper_terrain_m, geometry, margin);
+  result.is_surface = inner_part(layers.is_surface, geometry, margin);
+  result.source = inner_part(layers.source, geometry, margin);
+  return result;
 }
 
 }  // namespace hedgehop::map_sources

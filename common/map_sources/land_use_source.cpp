@@ -1,7 +1,6 @@
 #include "map_sources/land_use_source.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <osmium/area/assembler.hpp>
 #include <osmium/area/assembler_legacy.hpp>
@@ -24,6 +23,7 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "map_sources/height_text.hpp"
 
 namespace hedgehop::map_sources {
 namespace {
@@ -225,15 +225,14 @@ class Collector {
     object.height_m = height_of(area.tags());
     const char* levels = area.tags().get_value_by_key("building:levels");
     if (levels != nullptr) {
-      double value = 0.0;
-      const std::string_view text(levels);
-      const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-      if (error == std::errc() && end == text.data() + text.size() && value > 0.0 &&
-          value <= 200.0) {
-        object.levels = value;
-      } else {
+      object.levels = levels_in_text(levels);
+      if (!object.levels) {
         ++land_use_.unreadable_height_count;
       }
+    }
+    const char* roof_levels = area.tags().get_value_by_key("roof:levels");
+    if (object.levels && roof_levels != nullptr) {
+      *object.levels += levels_in_text(roof_levels).value_or(0.0);
     }
     const auto ring_of = [&](const auto& ring) {
       MapLine line;
@@ -273,10 +272,10 @@ class Collector {
   }
 
   std::optional<double> height_of(const osmium::TagList& tags) {
-    for (const char* key : {"height", "est_height"}) {
+    for (const char* key : {"height", "building:height", "est_height"}) {
       const char* text = tags.get_value_by_key(key);
       if (text != nullptr) {
-        const auto height_m = height_in_tag_m(text);
+        const auto height_m = height_in_text_m(text);
         if (height_m) {
           return height_m;
         }
@@ -431,88 +430,7 @@ void read_file(const fs::path& given, Collector& collector, LandUse& land_use, d
   land_use.mapped.push_back(mapped.to_radians());
 }
 
-std::optional<double> plain_number(std::string_view text, std::string_view& rest) {
-  std::string digits(text);
-  std::replace(digits.begin(), digits.end(), ',', '.');
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value,
-                                            std::chars_format::fixed);
-  if (error != std::errc()) {
-    return std::nullopt;
-  }
-  rest = text.substr(static_cast<std::size_t>(end - digits.data()));
-  while (!rest.empty() && rest.front() == ' ') {
-    rest.remove_prefix(1);
-  }
-  return value;
-}
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) {
-    text.remove_prefix(1);
-  }
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) {
-    text.remove_suffix(1);
-  }
-  return text;
-}
-
-std::optional<double> single_height_m(std::string_view text) {
-  constexpr double kFoot_m = 0.3048;
-  std::string_view unit;
-  const auto number = plain_number(trimmed(text), unit);
-  if (!number) {
-    return std::nullopt;
-  }
-  if (unit.empty() || unit == "m" || unit == "M" || unit == "meter" || unit == "meters" ||
-      unit == "metre" || unit == "metres") {
-    return number;
-  }
-  if (unit == "ft" || unit == "feet" || unit == "foot" || unit == "'") {
-    return *number * kFoot_m;
-  }
-  if (unit.front() == '\'') {
-    std::string_view end;
-    const auto inches = plain_number(trimmed(unit.substr(1)), end);
-    if (inches && (end == "\"" || end == "''") && *inches >= 0.0 && *inches < 12.0) {
-      return (*number + *inches / 12.0) * kFoot_m;
-    }
-  }
-  return std::nullopt;
-}
-
 }  // namespace
-
-std::optional<double> height_in_tag_m(std::string_view text) {
-  std::optional<double> greatest;
-  if (text.size() > 200) {
-    return std::nullopt;
-  }
-  std::size_t begin = 0;
-  // The first character may be a sign: a negative height is refused below, not split.
-  for (std::size_t i = 1; i <= text.size(); ++i) {
-    if (i < text.size() && text[i] != '-' && text[i] != ';') {
-      continue;
-    }
-    std::string_view piece = text.substr(begin, i - begin);
-    // "3 - 5 m": the unit of the last holds for all, so a bare number takes it from there.
-    auto height_m = single_height_m(piece);
-    std::string_view rest;
-    if (height_m && plain_number(trimmed(piece), rest) && rest.empty() && i < text.size()) {
-      const std::size_t last = text.find_last_of("-;");
-      std::string_view last_unit;
-      if (plain_number(trimmed(text.substr(last + 1)), last_unit) && !last_unit.empty()) {
-        height_m = single_height_m(std::string(trimmed(piece)) + std::string(last_unit));
-      }
-    }
-    if (!height_m || !(*height_m > 0.0) || !(*height_m <= 1000.0)) {
-      return std::nullopt;
-    }
-    greatest = std::max(greatest.value_or(0.0), *height_m);
-    begin = i + 1;
-  }
-  return greatest;
-}
 
 LandUse read_land_use(const std::vector<fs::path>& files, const geo::MapProjection& projection,
                       const geo::GeodeticBox& region, Observer& observer) {

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "base/observer.hpp"
@@ -38,6 +37,7 @@ struct AreaObject {
   std::optional<double> height_m;  // as tagged
   std::optional<double> levels;    // storeys as tagged
   std::vector<MapPolygon> polygons;
+  std::optional<double> default_height_m = std::nullopt;  // in place of the default of its class
 };
 
 /// A point (one vertex) or a line.
@@ -46,6 +46,7 @@ struct LineObject {
   std::int64_t source_id = 0;
   std::optional<double> height_m;
   MapLine vertices;
+  std::optional<double> default_height_m = std::nullopt;
 };
 
 struct PowerLineObject {
@@ -56,6 +57,7 @@ struct PowerLineObject {
   std::int64_t source_id = 0;
   bool is_minor = false;
   std::vector<Support> supports;  // in the order of the line, at least 2
+  std::optional<double> default_height_m = std::nullopt;
 };
 
 /// What stands and lies on the ground, in the map frame.
@@ -90,9 +92,5 @@ struct LandUse {
 LandUse read_land_use(const std::vector<std::filesystem::path>& files,
                       const geo::MapProjection& projection, const geo::GeodeticBox& region,
                       Observer& observer);
-
-/// Height in a tag [m]: "12", "12.5 m", "12,5", "40'", "5'6\"", "40 ft"; of a range or list ("3 m -
-/// 5 m", "8;10") the greatest. Nothing for anything else, for 0 and below, and above 1000 m.
-std::optional<double> height_in_tag_m(std::string_view text);
 
 }  // namespace hedgehop::map_sources

@@ -177,6 +177,47 @@ Json input_of(const fs::path& path, const char* kind, Observer& observer) {
           {"sha256", sha256_hex_of_file(path.string(), [&] { observer.check_stop(); })}};
 }
 
+void add_inputs(const map_sources::VectorInput& input, const map_sources::VectorFindings& findings,
+                Json& inputs, Observer& observer) {
+  for (const fs::path& part : findings.parts) {
+    inputs.push_back(input_of(part, "land use", observer));
+    inputs.back()["format"] = findings.format;
+  }
+  inputs.push_back({{"name", fs::path(input.mapping.name).filename().string()},
+                    {"kind", "mapping"},
+                    {"bytes", input.mapping.text.size()},
+                    {"sha256", sha256_hex(bytes_of(input.mapping.text))}});
+}
+
+Json json_of(const map_sources::VectorInput& input, const map_sources::VectorFindings& findings) {
+  Json rules = Json::array();
+  for (std::size_t i = 0; i < input.mapping.rules.size(); ++i) {
+    const map_sources::MappingRule& rule = input.mapping.rules[i];
+    rules.push_back({{"layer", rule.layer},
+                     {"class", rule.kind.word},
+                     {"objects", findings.objects_of_rule[i]}});
+  }
+  return {{"name", input.file.filename().string()},
+          {"mapping", fs::path(input.mapping.name).filename().string()},
+          {"rules", std::move(rules)},
+          {"unmapped_features", findings.unmapped_feature_count},
+          {"unusable_features", findings.unusable_feature_count}};
+}
+
+Json json_of(const map_sources::ElevationFile& file, Observer& observer) {
+  Json input = input_of(file.parts.front(), "elevation", observer);
+  input["format"] = file.format;
+  input["crs"] = file.crs;
+  input["used_as"] = map_sources::word_of(file.kind);
+  input["used_as_from"] = file.kind_from;
+  input["vertical_datum"] = file.datum.name;
+  input["vertical_datum_from"] = file.datum_from;
+  input["vertical_conversion"] = file.datum_conversion;
+  input["sample_spacing_m"] = file.sample_spacing_m;
+  input["extent_deg"] = json_of(file.extent);
+  return input;
+}
+
 Json json_of(const HeightCounts& counts) {
   return {
       {"tagged", counts.tagged}, {"from_levels", counts.from_levels}, {"guessed", counts.guessed}};
@@ -184,6 +225,8 @@ Json json_of(const HeightCounts& counts) {
 
 Json json_of(const PrepareOptions& o, double cell_m) {
   return {{"cell_m", cell_m},
+          {"vertical_datum", o.vertical_datum.name},
+          {"void_fill_radius_m", o.void_fill_radius_m},
           {"default_heights",
            {{"forest_m", o.default_heights.forest_m},
             {"tree_m", o.default_heights.tree_m},
@@ -231,7 +274,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
     check_text(line, "an attribution line");
   }
 
-  const map_sources::ElevationSource elevation(request.dem_files);
+  const map_sources::ElevationSource elevation(request.dem_files, options.vertical_datum,
+                                               options.void_fill_radius_m);
   const geo::GeodeticBox elevation_box = elevation.extent();
   const geo::GeodeticBox extent = request.extent.value_or(elevation_box);
   if (std::none_of(elevation.files().begin(), elevation.files().end(),
@@ -247,7 +291,7 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   map::Map& map = result.map;
   map.geometry = grid_around(extent, projection, cell_m, options.cells_max);
   map.crs_wkt = projection.wkt();
-  map.vertical_datum = options.vertical_datum;
+  map.vertical_datum = options.vertical_datum.name;
   map.reference_height_m = options.visibility.reference_height_m;
   map.visibility_radius_m = options.visibility.radius_m;
   map.label = request.label;
@@ -272,25 +316,24 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
       static_cast<int>(std::lround((map.geometry.south_m - working.south_m) / cell_m))};
 
   Json inputs = Json::array();
-  for (std::size_t i = 0; i < request.dem_files.size(); ++i) {
-    const map_sources::ElevationFile& file = elevation.files()[i];
-    Json input = input_of(request.dem_files[i], "elevation", observer);
-    input["format"] = file.format;
-    input["crs"] = file.crs;
-    input["vertical_datum_stated"] = file.vertical;
-    input["used_as"] = "terrain";
-    input["sample_spacing_m"] = file.sample_spacing_m;
-    input["extent_deg"] = json_of(file.extent);
-    inputs.push_back(std::move(input));
-    if (!file.vertical.empty() && file.vertical.find(options.vertical_datum) == std::string::npos) {
-      observer.note(file.name + ": its heights refer to '" + file.vertical +
-                    "'; they are used as " + options.vertical_datum + " without conversion");
+  std::string assumed;
+  for (const map_sources::ElevationFile& file : elevation.files()) {
+    inputs.push_back(json_of(file, observer));
+    for (std::size_t part = 1; part < file.parts.size(); ++part) {
+      inputs.push_back(input_of(file.parts[part], "part of elevation", observer));
+    }
+    if (file.datum_from == "assumed") {
+      assumed += (assumed.empty() ? "" : ", ") + file.name;
     }
     if (file.format == "SRTMHGT") {
       add_once(map.attributions, options.attribution_srtm);
     }
     check_text(file.copyright, "the copyright line of an elevation file");
     add_once(map.attributions, file.copyright);
+  }
+  if (!assumed.empty()) {
+    observer.note("no word in " + assumed + " of what its heights refer to: taken as " +
+                  map.vertical_datum + " (FILE:datum=NAME says otherwise)");
   }
 
   map_sources::ElevationLayers layers =
@@ -304,6 +347,13 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
                         ": every sample there is void",
                     "check them with gdalinfo -stats, or add another source with --dem");
   }
+  const raster::Grid<std::uint16_t> sources = cut_out(layers.source, map.geometry, corner);
+  const auto filled_count =
+      std::count(sources.values().begin(), sources.values().end(), layers.kFilled);
+  if (filled_count > 0) {
+    observer.note(std::to_string(filled_count) +
+                  " void cells of the elevation are filled in from their neighbours");
+  }
   if (void_count > 0) {
     observer.note(
         percent(static_cast<double>(void_count) / static_cast<double>(map.geometry.cell_count())) +
@@ -312,7 +362,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
 
   map_sources::LandUse land_use;
   const geo::GeodeticBox working_box = box_of(working, projection);
-  if (!request.osm_files.empty()) {
+  Json vector_findings = Json::array();
+  if (!request.osm_files.empty() || !request.vectors.empty()) {
     // Settlements beyond the border have rings that reach in.
     const double reach_rad = 2.0 * options.settlements.settlement_desired_m / 6.3e6 /
                              std::max(0.1, elementary::cos(working_box.centre().latitude_rad));
@@ -325,6 +376,19 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
     }
     if (land_use.is_openstreetmap) {
       add_once(map.attributions, options.attribution_openstreetmap);
+    }
+    for (const map_sources::VectorInput& input : request.vectors) {
+      const map_sources::VectorFindings findings =
+          map_sources::read_vectors(input, projection, region, land_use, observer);
+      vector_findings.push_back(json_of(input, findings));
+      add_inputs(input, findings, inputs, observer);
+      check_text(input.mapping.attribution, "the attribution of a mapping");
+      add_once(map.attributions, input.mapping.attribution);
+      if (findings.unusable_feature_count > 0) {
+        observer.note(input.file.filename().string() + ": " +
+                      std::to_string(findings.unusable_feature_count) +
+                      " features have no geometry that can be used and are left out");
+      }
     }
     std::vector<geo::GeodeticBox> mapped;
     for (const geo::GeodeticBox& box : land_use.mapped) {
@@ -355,8 +419,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
     add_once(map.attributions, line);
   }
 
-  SurfaceModel model =
-      surface_model(layers.upper_terrain_m, land_use, projection, options, observer);
+  SurfaceModel model = surface_model(layers.upper_terrain_m, layers.is_surface, land_use,
+                                     projection, options, observer);
   map.surface_m = cut_out(model.surface_m, map.geometry, corner);
   map.semantics = cut_out(model.semantics, map.geometry, corner);
   for (map::PowerLine& line : model.power_lines) {
@@ -405,6 +469,14 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   provenance["terrain_resampling"] =
       "bilinear at the cell's centre, exact transformer; surface starts from the terrain raised so "
       "that no source sample lies above its cell or above the bilinear surface";
+  provenance["filled_void_count"] = filled_count;
+  Json cells_of_files = Json::array();
+  for (std::size_t i = 0; i < elevation.files().size(); ++i) {
+    cells_of_files.push_back({{"name", elevation.files()[i].name},
+                              {"cells", std::count(sources.values().begin(), sources.values().end(),
+                                                   static_cast<std::uint16_t>(i + 1))}});
+  }
+  provenance["elevation_cells"] = std::move(cells_of_files);
   provenance["visibility_method"] =
       "share of the ground within the radius that sees a point at reference height over the "
       "surface; "
@@ -412,6 +484,7 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   provenance["mapped_extent_deg"] = std::move(mapped);
   provenance["guessed_height_share"] = std::round(guessed_share * 1e6) / 1e6;
   provenance["object_heights"] = std::move(heights);
+  provenance["vector_sources"] = std::move(vector_findings);
   provenance["land_use_statistics"] = {
       {"villages", model.village_count},
       {"settlements", model.settlement_count},

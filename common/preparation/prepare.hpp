@@ -10,6 +10,8 @@
 #include "base/observer.hpp"
 #include "geo/geodetic_box.hpp"
 #include "map/map.hpp"
+#include "map_sources/elevation_source.hpp"
+#include "map_sources/vector_source.hpp"
 #include "preparation/visibility.hpp"
 
 namespace hedgehop::preparation {
@@ -40,7 +42,8 @@ struct SettlementOptions {
 /// What config/prepare.yaml holds.
 struct PrepareOptions {
   double cell_m = 0.0;
-  std::string vertical_datum;
+  geo::VerticalDatum vertical_datum;  // of the map; heights in another one are converted
+  double void_fill_radius_m = 0.0;    // how far a void cell may lie from known ones to be filled in
   std::string attribution_srtm;
   std::string attribution_openstreetmap;
   DefaultHeights default_heights;
@@ -53,15 +56,17 @@ struct PrepareOptions {
 };
 
 struct PrepareRequest {
-  std::vector<std::filesystem::path>
+  std::vector<map_sources::ElevationInput>
       dem_files;  // at least one; earlier files win where they overlap
-  std::vector<std::filesystem::path> osm_files;  // none: no land use, every cell is unmapped
+  std::vector<std::filesystem::path> osm_files;  // without them and vectors every cell is unmapped
   std::optional<geo::GeodeticBox> extent;        // default: all that the elevation files cover
   std::optional<double> cell_m;                  // default: PrepareOptions::cell_m
   std::string crs;                               // empty: UTM zone of the region's centre
   std::string label;                      // shown on every product, "SYNTHETIC REGION" for example
   std::vector<std::string> attributions;  // added to those that the sources bring
   int threads = 0;                        // 0: one for each processor; never changes a byte
+  std::vector<map_sources::VectorInput> vectors =
+      {};  // land use of other kinds, each with its mapping
 };
 
 struct PreparedMap {

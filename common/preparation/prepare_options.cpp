@@ -1,3 +1,4 @@
+#include "base/errors.hpp"
 #include "preparation/prepare.hpp"
 
 namespace hedgehop::preparation {
@@ -14,7 +15,13 @@ PrepareOptions PrepareOptions::read(ConfigReader& reader) {
   options.cells_max = reader.required_integer("cells_max");
   reader.require(options.cells_max >= 1 && options.cells_max <= 400'000'000, "cells_max",
                  "must lie in 1 to 400000000");
-  options.vertical_datum = reader.required_string("vertical_datum");
+  const std::string datum = reader.required_string("vertical_datum");
+  try {
+    options.vertical_datum = geo::VerticalDatum::parse(datum);
+  } catch (const UsageError& error) {
+    reader.refuse("vertical_datum", std::string("is not known: ") + error.hint());
+  }
+  options.void_fill_radius_m = within(reader, "void_fill_radius_m", 0.0, 1000.0);
 
   ConfigReader attributions = reader.required_section("attributions");
   options.attribution_srtm = attributions.required_string("srtm");

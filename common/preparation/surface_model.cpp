@@ -173,6 +173,7 @@ map_sources::MapPolygon outline_on_map(const geo::GeodeticBox& box,
 }  // namespace
 
 SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
+                           const raster::Grid<std::uint8_t>& is_surface,
                            const map_sources::LandUse& land_use,
                            const geo::MapProjection& projection, const PrepareOptions& options,
                            Observer& observer) {
@@ -183,10 +184,12 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
   std::array<std::vector<const OGRGeometry*>, map_sources::kObjectClassCount> by_class;
   std::vector<GeometryPointer> geometries;
   std::vector<BurnItem> obstacles;
+  std::vector<BurnItem> thin_obstacles;  // that no elevation holds
   std::vector<const OGRGeometry*> built_up;
   const auto add = [&](ObjectClass object_class, GeometryPointer geometry,
-                       std::optional<double> tagged_m, std::optional<double> levels) {
-    double height_m = default_height_m(object_class, options.default_heights);
+                       std::optional<double> tagged_m, std::optional<double> levels,
+                       std::optional<double> default_m) {
+    double height_m = default_m.value_or(default_height_m(object_class, options.default_heights));
     HeightCounts& counts = model.heights[static_cast<std::size_t>(object_class)];
     if (object_class != ObjectClass::kWater) {
       if (tagged_m) {
@@ -199,6 +202,9 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
         ++counts.guessed;
       }
       obstacles.push_back({geometry.get(), height_m});
+      if (object_class == ObjectClass::kStructure) {
+        thin_obstacles.push_back(obstacles.back());
+      }
     }
     by_class[static_cast<std::size_t>(object_class)].push_back(geometry.get());
     if (object_class == ObjectClass::kBuilding || object_class == ObjectClass::kBuiltUpArea) {
@@ -207,15 +213,27 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
     geometries.push_back(std::move(geometry));
   };
   for (const map_sources::AreaObject& area : land_use.areas) {
-    add(area.object_class, geometry_of(area.polygons), area.height_m, area.levels);
+    add(area.object_class, geometry_of(area.polygons), area.height_m, area.levels,
+        area.default_height_m);
   }
   for (const map_sources::LineObject& line : land_use.lines) {
-    add(line.object_class, geometry_of(line.vertices), line.height_m, std::nullopt);
+    add(line.object_class, geometry_of(line.vertices), line.height_m, std::nullopt,
+        line.default_height_m);
   }
 
   observer.progress(kStage, 0.0, 1.0);
   raster::Grid<float> offset_m(g, 0.0F);
   burn_greatest(offset_m, obstacles, Touch::kAny, observer);
+  if (std::any_of(is_surface.values().begin(), is_surface.values().end(),
+                  [](std::uint8_t value) { return value != 0; })) {
+    raster::Grid<float> thin_m(g, 0.0F);
+    burn_greatest(thin_m, thin_obstacles, Touch::kAny, observer);
+    for (std::size_t i = 0; i < g.cell_count(); ++i) {
+      if (is_surface.values()[i] != 0) {
+        offset_m.values()[i] = thin_m.values()[i];
+      }
+    }
+  }
   model.surface_m = upper_terrain_m;
   for (std::size_t i = 0; i < g.cell_count(); ++i) {
     float& surface_m = model.surface_m.values()[i];
@@ -233,9 +251,9 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
     for (const map_sources::PowerLineObject::Support& support : source.supports) {
       ++(support.height_m ? model.support_heights.tagged : model.support_heights.guessed);
       line.poles.push_back(
-          {support.point,
-           support.height_m.value_or(source.is_minor ? options.default_heights.minor_power_line_m
-                                                     : options.default_heights.power_line_m)});
+          {support.point, support.height_m.value_or(source.default_height_m.value_or(
+                              source.is_minor ? options.default_heights.minor_power_line_m
+                                              : options.default_heights.power_line_m))});
     }
     raise_along_line(line, upper_terrain_m, model);
     model.power_lines.push_back(std::move(line));

@@ -37,10 +37,14 @@ struct SurfaceModel {
 /// above its ground: nothing flies under or through a line. Values are multiples of 1/64 m, rounded
 /// up.
 ///
+/// Where `is_surface` is not 0, trees, houses and built-up areas are in the elevation already and
+/// raise nothing; structures and power lines, too thin to be seen from above, do.
+///
 /// Semantics are set in touched cells too. Cells whose centre no land-use file covers are unmapped
 /// and carry no other bit; objects that stick out of the covered part still raise the surface
 /// there.
 SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
+                           const raster::Grid<std::uint8_t>& is_surface,
                            const map_sources::LandUse& land_use,
                            const geo::MapProjection& projection, const PrepareOptions& options,
                            Observer& observer);

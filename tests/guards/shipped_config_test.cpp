@@ -19,6 +19,7 @@
 #include "base/errors.hpp"
 #include "command_model/command_model.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "map_sources/vector_mapping.hpp"
 #include "planning/planning.hpp"
 #include "preparation/prepare.hpp"
 #include "services/command_model/command_model_service.hpp"
@@ -90,6 +91,14 @@ const Guarded* guarded(const std::string& file) {
       {"command_model.yaml", {read_whole(services::read_command_model_options), {}}},
       {"flight_logger.yaml", {read_whole(services::read_flight_logger_options), {}}},
   };
+  if (file.starts_with("mappings/")) {
+    static const Guarded kMapping{[](const std::string& text, const std::string& name) {
+                                    map_sources::VectorMapping::read(text, name);
+                                  },
+                                  {"rules.1.default_height_m", "rules.2.default_height_m",
+                                   "rules.3.default_height_m", "rules.4.default_height_m"}};
+    return &kMapping;
+  }
   if (file.starts_with("vehicles/")) {
     static const Guarded kVehicle{read_vehicle_file, {}};
     return &kVehicle;

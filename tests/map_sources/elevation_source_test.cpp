@@ -24,10 +24,12 @@ const std::string& utm32() {
   return kWkt;
 }
 
-ElevationLayers layers_of(const std::vector<fs::path>& files, const raster::GridGeometry& geometry,
-                          int threads = 1) {
+geo::VerticalDatum egm96() { return geo::VerticalDatum::parse("EGM96"); }
+
+ElevationLayers layers_of(const std::vector<ElevationInput>& files,
+                          const raster::GridGeometry& geometry, int threads = 1) {
   SilentObserver observer;
-  return ElevationSource(files).on_grid(geometry, utm32(), threads, observer);
+  return ElevationSource(files, egm96(), 0.0).on_grid(geometry, utm32(), threads, observer);
 }
 
 template <typename Call>
@@ -125,7 +127,10 @@ TEST_F(ElevationFiles, NeitherACellNorTheSurfaceBetweenCellsFallsBelowASample) {
     for (const auto& [point, z] : samples) {
       if (g.contains(point)) {
         EXPECT_GE(layers.upper_terrain_m.at(g.cell_at(point)), z);
-        EXPECT_GE(raster::sample_bilinear(layers.upper_terrain_m, point), z - 1e-9);
+        // Beyond the outermost centres there is nothing to interpolate with.
+        if (std::fabs(point.x_m - 501050.0) < 435.0 && std::fabs(point.y_m - 5538850.0) < 435.0) {
+          EXPECT_GE(raster::sample_bilinear(layers.upper_terrain_m, point), z - 1e-9);
+        }
         ++tested;
       }
     }
@@ -216,7 +221,7 @@ TEST_F(ElevationFiles, ThreadsChangeNoByte) {
 
 TEST_F(ElevationFiles, RefusalsSayWhatIsWrongWithWhichFile) {
   const auto open = [](const fs::path& file) {
-    return refusal_of([&] { ElevationSource source({file}); });
+    return refusal_of([&] { ElevationSource source({file}, egm96(), 0.0); });
   };
   EXPECT_THAT(open(path("nowhere.tif")), HasSubstr("nowhere.tif: no such file"));
   EXPECT_THAT(open(folder_.path()), HasSubstr("is not a file"));
@@ -235,7 +240,7 @@ TEST_F(ElevationFiles, RefusalsSayWhatIsWrongWithWhichFile) {
                      {"EPSG:32632", 500000.0, 5540000.0, 30.0, 10, 10, -9999.0, "fathom"},
                      [](double, double) { return 1.0; });
   EXPECT_THAT(open(path("fathoms.tif")), HasSubstr("'fathom'"));
-  EXPECT_THROW(ElevationSource({}), UsageError);
+  EXPECT_THROW(ElevationSource({}, egm96(), 0.0), UsageError);
 }
 
 TEST_F(ElevationFiles, StopsWhenAsked) {
@@ -247,9 +252,249 @@ TEST_F(ElevationFiles, StopsWhenAsked) {
   } observer;
   test::write_raster(path("a.tif"), {"EPSG:32632", 500000.0, 5540000.0, 30.0, 40, 40, -9999.0, ""},
                      [](double, double) { return 1.0; });
-  const ElevationSource source({path("a.tif")});
+  const ElevationSource source({path("a.tif")}, egm96(), 0.0);
   EXPECT_THROW((void)source.on_grid({500000.0, 5539000.0, 30.0, 9, 9}, utm32(), 1, observer),
                Interrupted);
+}
+
+TEST_F(ElevationFiles, EachCellIsOfTheFirstFileInOrderWhateverTheirLattices) {
+  // West and east lie on one lattice, the survey between them in the order on another.
+  const auto flat = [](double height_m) { return [height_m](double, double) { return height_m; }; };
+  test::write_raster(path("w.tif"), {"EPSG:32632", 500000.0, 5540000.0, 90.0, 20, 30, -9999.0, ""},
+                     flat(100.0));
+  test::write_raster(path("survey.tif"),
+                     {"EPSG:25832", 501000.0, 5540000.0, 10.0, 160, 270, -9999.0, ""}, flat(200.0));
+  test::write_raster(path("e.tif"), {"EPSG:32632", 501800.0, 5540000.0, 90.0, 20, 30, -9999.0, ""},
+                     flat(300.0));
+  const ElevationLayers layers = layers_of({path("w.tif"), path("survey.tif"), path("e.tif")},
+                                           {500300.0, 5538200.0, 30.0, 90, 40});
+  const auto at = [&](double x_m) {
+    return layers.source.at(layers.source.geometry().cell_at({x_m, 5538800.0}));
+  };
+  EXPECT_EQ(at(501200.0), 1);  // west and survey
+  EXPECT_EQ(at(502300.0), 2);  // survey and east
+  EXPECT_EQ(at(502700.0), 3);  // east alone
+  EXPECT_EQ(layers.terrain_m.at(layers.terrain_m.geometry().cell_at({502300.0, 5538800.0})),
+            200.0F);
+}
+
+TEST_F(ElevationFiles, KindIsTheUsersWordElseTheProductsElseTerrain) {
+  const auto kind = [&](const std::string& name, const std::string& suffix = "") {
+    test::write_raster(path(name), {}, [](double, double) { return 1.0; });
+    const ElevationSource source({ElevationInput::parse(path(name).string() + suffix)}, egm96(),
+                                 0.0);
+    return std::string(word_of(source.files()[0].kind)) + " by " + source.files()[0].kind_from;
+  };
+  EXPECT_EQ(kind("plain.tif"), "terrain by default");
+  EXPECT_EQ(kind("town_DSM_2019.tif"), "surface by name");
+  EXPECT_EQ(kind("adsmith.tif"), "terrain by default");
+  EXPECT_EQ(kind("srtm_38_03.tif"), "terrain by product");
+  EXPECT_EQ(kind("ALPSMLC30_N049E011_DSM.tif"), "surface by product");
+  EXPECT_EQ(kind("ALPSMLC30_N050E011_DSM.tif", ":terrain"), "terrain by command line");
+  EXPECT_EQ(kind("other.tif", ":datum=EGM96:surface"), "surface by command line");
+}
+
+TEST(ElevationInput, PartsBehindTheNameAreReadInAnyOrder) {
+  const ElevationInput input =
+      ElevationInput::parse("/a/b.asc:crs=EPSG:25832:surface:datum=ellipsoid");
+  EXPECT_EQ(input.file, "/a/b.asc");
+  EXPECT_EQ(input.kind, ElevationKind::kSurface);
+  EXPECT_EQ(input.crs, "EPSG:25832");
+  ASSERT_TRUE(input.datum.has_value());
+  EXPECT_EQ(input.datum->name, "ellipsoid");
+  EXPECT_EQ(ElevationInput::parse("a.tif").file, "a.tif");
+  EXPECT_FALSE(ElevationInput::parse("a.tif").kind.has_value());
+  EXPECT_EQ(ElevationInput::parse("a.tif:roof").file, "a.tif:roof");  // then there is no such file
+  EXPECT_THROW((void)ElevationInput::parse("a.tif:datum=sea"), UsageError);
+}
+
+TEST_F(ElevationFiles, BelowASurfaceTheGroundOfATerrainFileShows) {
+  test::write_raster(path("dsm.tif"),
+                     {"EPSG:32632", 500000.0, 5540000.0, 30.0, 60, 60, -9999.0, ""},
+                     [](double x, double) { return x < 500900.0 ? 430.0 : 390.0; });
+  test::write_raster(path("dtm.tif"),
+                     {"EPSG:32632", 500000.0, 5540000.0, 10.0, 180, 180, -9999.0, ""},
+                     [](double, double) { return 400.0; });
+  const raster::GridGeometry g{500300.0, 5538600.0, 30.0, 40, 20};
+  const ElevationLayers layers = layers_of({path("dsm.tif"), path("dtm.tif")}, g);
+  EXPECT_EQ(layers.terrain_m.at(5, 10), 400.0F);
+  EXPECT_EQ(layers.upper_terrain_m.at(5, 10), 430.0F);
+  EXPECT_EQ(layers.is_surface.at(5, 10), 1);
+  EXPECT_EQ(layers.terrain_m.at(35, 10), 390.0F);  // never above the surface
+  const ElevationLayers other = layers_of({path("dtm.tif"), path("dsm.tif")}, g);
+  EXPECT_EQ(other.upper_terrain_m.at(5, 10), 400.0F);
+  EXPECT_EQ(other.is_surface.at(5, 10), 0);
+}
+
+ElevationLayers filled_layers(const std::vector<ElevationInput>& files,
+                              const raster::GridGeometry& geometry, double radius_m) {
+  SilentObserver observer;
+  return ElevationSource(files, egm96(), radius_m).on_grid(geometry, utm32(), 1, observer);
+}
+
+TEST_F(ElevationFiles, ASmallHoleIsFilledInALargeOneOnlyWhereItIsNarrow) {
+  const auto plane = [](double x, double y) {
+    return 300.0 + 0.1 * (x - 500000.0) + 0.2 * (y - 5538000.0);
+  };
+  const geo::MapPoint small{500315.0, 5539085.0};
+  const geo::MapPoint large{501215.0, 5539085.0};
+  test::write_raster(path("holes.tif"),
+                     {"EPSG:32632", 500000.0, 5540000.0, 30.0, 60, 60, -9999.0, ""},
+                     [&](double x, double y) {
+                       return std::hypot(x - small.x_m, y - small.y_m) < 65.0 ||
+                                      std::hypot(x - large.x_m, y - large.y_m) < 300.0
+                                  ? -9999.0
+                                  : plane(x, y);
+                     });
+  const raster::GridGeometry g{499700.0 + 300.0, 5538200.0, 30.0, 70, 50};  // reaches over the edge
+  const ElevationLayers layers = filled_layers({path("holes.tif")}, g, 120.0);
+  const raster::CellIndex cell = g.cell_at(small);
+  EXPECT_EQ(layers.source.at(cell), ElevationLayers::kFilled);
+  EXPECT_NEAR(layers.terrain_m.at(cell), plane(small.x_m, small.y_m), 1.0 / 64.0);
+  // The rim, three cells away uphill to the north-east, is the highest that is seen.
+  EXPECT_GE(layers.upper_terrain_m.at(cell), plane(small.x_m + 60.0, small.y_m + 60.0) - 0.1);
+  EXPECT_TRUE(std::isnan(layers.terrain_m.at(g.cell_at(large))));
+  EXPECT_TRUE(std::isnan(layers.upper_terrain_m.at(g.cell_at(large))));
+  EXPECT_EQ(layers.source.at(g.cell_at(large)), 0);
+  EXPECT_TRUE(std::isnan(layers.terrain_m.at(g.cell_at({501830.0, 5539085.0}))));  // east of all
+  EXPECT_TRUE(std::isnan(filled_layers({path("holes.tif")}, g, 0.0).terrain_m.at(cell)));
+  // A second file comes first.
+  test::write_raster(path("more.tif"),
+                     {"EPSG:32632", 500000.0, 5540000.0, 30.0, 60, 60, -9999.0, ""},
+                     [](double, double) { return 777.0; });
+  const ElevationLayers both = filled_layers({path("holes.tif"), path("more.tif")}, g, 120.0);
+  EXPECT_EQ(both.terrain_m.at(cell), 777.0F);
+  EXPECT_EQ(both.source.at(cell), 2);
+}
+
+TEST_F(ElevationFiles, ACellDoesNotDependOnHowFarTheGridReaches) {
+  std::random_device device;
+  const unsigned seed = device();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  test::write_raster(path("rough.tif"),
+                     {"EPSG:32632", 500003.0, 5540011.0, 21.0, 120, 120, -9999.0, ""},
+                     [&](double, double) {
+                       return uniform(random) < 0.6 ? -9999.0 : 100.0 + 60.0 * uniform(random);
+                     });
+  const raster::GridGeometry large{500100.0, 5537700.0, 30.0, 70, 70};
+  const raster::GridGeometry small{500400.0, 5538000.0, 30.0, 40, 35};
+  const ElevationLayers whole = filled_layers({path("rough.tif")}, large, 70.0);
+  const ElevationLayers part = filled_layers({path("rough.tif")}, small, 70.0);
+  int filled = 0;
+  for (int row = 0; row < small.rows; ++row) {
+    for (int column = 0; column < small.columns; ++column) {
+      ASSERT_EQ(part.source.at(column, row), whole.source.at(column + 10, row + 10));
+      filled += part.source.at(column, row) == ElevationLayers::kFilled ? 1 : 0;
+      if (part.source.at(column, row) != 0) {
+        ASSERT_EQ(part.terrain_m.at(column, row), whole.terrain_m.at(column + 10, row + 10));
+        ASSERT_EQ(part.upper_terrain_m.at(column, row),
+                  whole.upper_terrain_m.at(column + 10, row + 10));
+      }
+    }
+  }
+  EXPECT_GT(filled, 0);
+}
+
+TEST_F(ElevationFiles, HeightsOfAnotherDatumAreConverted) {
+  const geo::MapPoint place = geo::MapProjection("EPSG:32632")
+                                  .to_map({radians_from_degrees(51.5), radians_from_degrees(10.5)});
+  const raster::GridGeometry g{std::floor(place.x_m / 30.0) * 30.0,
+                               std::floor(place.y_m / 30.0) * 30.0, 30.0, 2, 2};
+  const auto height_at_place = [&](const std::string& crs, const std::string& suffix) {
+    test::write_raster(path("h.tif"), {crs, 10.4, 51.6, 0.002, 100, 100, -9999.0, ""},
+                       [](double, double) { return 345.86; });
+    const ElevationSource source({ElevationInput::parse(path("h.tif").string() + suffix)}, egm96(),
+                                 0.0);
+    SilentObserver observer;
+    return source.on_grid(g, utm32(), 1, observer).terrain_m.at(0, 0);
+  };
+  // EGM96's geoid lies 45.86 m above the ellipsoid at 51.5 N, 10.5 E.
+  EXPECT_NEAR(height_at_place("EPSG:4326", ":datum=ellipsoid"), 300.0, 0.03);
+  EXPECT_NEAR(height_at_place("EPSG:4979", ""), 300.0, 0.03);
+  EXPECT_NEAR(height_at_place("EPSG:4326+5773", ""), 345.86, 0.02);
+  EXPECT_NEAR(height_at_place("EPSG:4326", ""), 345.86, 0.02);
+  EXPECT_NEAR(height_at_place("EPSG:4326+5773", ":datum=ellipsoid"), 300.0, 0.03);
+  std::string what;
+  try {
+    const float height_m = height_at_place("EPSG:4326+3855", "");
+    EXPECT_NE(height_m, 345.86F);  // the grid is installed: the two models differ here
+  } catch (const DataError& error) {
+    EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("h.tif"), HasSubstr("us_nga_egm08_25")));
+    EXPECT_THAT(error.hint(), HasSubstr("datum="));
+  }
+}
+
+TEST_F(ElevationFiles, FormatsOfOneRasterGiveOneTerrain) {
+  test::write_raster(path("a.tif"), {"EPSG:32632", 500000.0, 5540000.0, 40.0, 50, 50, -9999.0, ""},
+                     [](double x, double y) {
+                       return std::fabs(x - 500820.0) < 1.0 && std::fabs(y - 5539180.0) < 1.0
+                                  ? 900.0
+                              : x < 500200.0 ? -9999.0
+                                             : 250.5;
+                     });
+  GDALDataset* source = GDALDataset::Open(path("a.tif").c_str());
+  ASSERT_NE(source, nullptr);
+  const auto copy = [&](const char* driver, const char* name, std::vector<const char*> options) {
+    options.push_back(nullptr);
+    GDALDataset* made = GetGDALDriverManager()->GetDriverByName(driver)->CreateCopy(
+        path(name).c_str(), source, FALSE, const_cast<char**>(options.data()), nullptr, nullptr);
+    ASSERT_NE(made, nullptr) << driver;
+    GDALClose(made);
+  };
+  copy("AAIGrid", "a.asc", {"DECIMAL_PRECISION=2"});
+  fs::remove(path("a.prj"));
+  fs::remove(path("a.asc.aux.xml"));
+  copy("VRT", "a.vrt", {});
+  copy("COG", "cog.tif", {"COMPRESS=LZW", "OVERVIEWS=IGNORE_EXISTING"});
+  copy("EHdr", "b.bil", {});
+  source->SetMetadataItem("AREA_OR_POINT", "Point");
+  copy("GTiff", "point.tif", {"TILED=YES"});
+  GDALClose(source);
+  // The same grid by the centre of its south-western cell.
+  std::ifstream corner(path("a.asc"));
+  std::ofstream centre(path("centre.asc"));
+  for (std::string line; std::getline(corner, line);) {
+    if (line.starts_with("xllcorner")) {
+      line = "xllcenter 500020.0";
+    } else if (line.starts_with("yllcorner")) {
+      line = "yllcenter 5538020.0";
+    }
+    centre << line << "\n";
+  }
+  centre.close();
+  const raster::GridGeometry g{500000.0, 5538600.0, 20.0, 80, 50};
+  const ElevationLayers expected = layers_of({path("a.tif")}, g);
+  EXPECT_GE(expected.upper_terrain_m.at(g.cell_at({500820.0, 5539180.0})), 900.0F);
+  for (const char* name : {"a.asc:crs=EPSG:32632", "centre.asc:crs=EPSG:32632", "a.vrt", "cog.tif",
+                           "b.bil", "point.tif"}) {
+    const ElevationLayers layers = layers_of({ElevationInput::parse(path(name).string())}, g);
+    for (std::size_t i = 0; i < g.cell_count(); ++i) {
+      const float a = layers.upper_terrain_m.values()[i];
+      const float b = expected.upper_terrain_m.values()[i];
+      ASSERT_TRUE(a == b || (std::isnan(a) && std::isnan(b))) << name << ": " << a << " " << b;
+    }
+  }
+  EXPECT_THAT(refusal_of([&] { ElevationSource lost({path("a.asc")}, egm96(), 0.0); }),
+              HasSubstr("no coordinate system"));
+}
+
+TEST_F(ElevationFiles, AVirtualMosaicThatPointsElsewhereIsRefused) {
+  const auto vrt = [&](const std::string& target) {
+    write_bytes(path("m.vrt"),
+                "<VRTDataset rasterXSize=\"10\" rasterYSize=\"10\"><SRS>EPSG:32632</SRS>"
+                "<GeoTransform>500000,30,0,5540000,0,-30</GeoTransform>"
+                "<VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource><SourceFilename "
+                "relativeToVRT=\"0\">" +
+                    target +
+                    "</SourceFilename><SourceBand>1</SourceBand><SourceProperties "
+                    "RasterXSize=\"10\" RasterYSize=\"10\" DataType=\"Float32\"/></SimpleSource>"
+                    "</VRTRasterBand></VRTDataset>");
+    return refusal_of([&] { (void)layers_of({path("m.vrt")}, {500060.0, 5539760.0, 30.0, 5, 5}); });
+  };
+  EXPECT_THAT(vrt("/vsicurl/http://example.org/a.tif"), HasSubstr("no file here"));
+  EXPECT_THAT(vrt("/nowhere/at_all.tif"), HasSubstr("cannot be read"));
 }
 
 TEST(ElevationOfRealTiles, ZippedTilesOfNorthernBavariaOpen) {
@@ -258,7 +503,8 @@ TEST(ElevationOfRealTiles, ZippedTilesOfNorthernBavariaOpen) {
   if (!fs::exists(folder / "N49E011.hgt.zip")) {
     GTEST_SKIP() << "no real data in " << folder.string();
   }
-  const ElevationSource source({folder / "N49E011.hgt.zip", folder / "N50E011.hgt.zip"});
+  const ElevationSource source({folder / "N49E011.hgt.zip", folder / "N50E011.hgt.zip"}, egm96(),
+                               0.0);
   EXPECT_EQ(source.files()[0].format, "SRTMHGT");
   EXPECT_NEAR(degrees_from_radians(source.extent().north_rad), 51.0004167, 1e-6);
   // Across the seam at 50 N heights must run on: no step beyond what the relief of 90 m samples

@@ -226,27 +226,6 @@ TEST_F(OsmFiles, StopsWhenAsked) {
                Interrupted);
 }
 
-TEST(HeightTag, ReadsTheWaysPeopleWriteHeights) {
-  EXPECT_EQ(height_in_tag_m("12"), 12.0);
-  EXPECT_EQ(height_in_tag_m("12.5 m"), 12.5);
-  EXPECT_EQ(height_in_tag_m("12,5m"), 12.5);
-  EXPECT_EQ(height_in_tag_m("  7  "), 7.0);
-  EXPECT_NEAR(*height_in_tag_m("40'"), 12.192, 1e-9);
-  EXPECT_NEAR(*height_in_tag_m("40 ft"), 12.192, 1e-9);
-  EXPECT_NEAR(*height_in_tag_m("5'6\""), 1.6764, 1e-9);
-  EXPECT_EQ(height_in_tag_m("3 m - 5 m"), 5.0);
-  EXPECT_EQ(height_in_tag_m("8;10;9"), 10.0);
-  EXPECT_NEAR(*height_in_tag_m("30-40 ft"), 12.192, 1e-9);
-}
-
-TEST(HeightTag, RefusesWhatIsNoHeight) {
-  for (const char* text : {"", "low", "-3", "0", "1e3", "12 apples", "1001", "nan", "inf", "m",
-                           "5-", "~4", "3'14\"", "12 m high"}) {
-    EXPECT_FALSE(height_in_tag_m(text)) << text;
-  }
-  EXPECT_FALSE(height_in_tag_m(std::string(1000, '1')));
-}
-
 TEST(LandUseOfRealExtract, NorthOfBayreuthIsRead) {
   const char* data = std::getenv("HEDGEHOP_DATA");
   const fs::path path =
