@@ -1,14 +1,20 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <ctime>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
+#include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
 #include "map/map_bundle.hpp"
+#include "preparation/prepare.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -24,13 +30,41 @@ struct RandomArguments {
   std::string timings_file;
 };
 
-evaluation::RandomOptions random_options() {
+struct ProtectionArguments {
+  std::string map;
+  std::int64_t cells = 0;
+  std::uint64_t seed = 0;
+  bool has_seed = false;
+  preparation::Simd simd = preparation::Simd::kBest;
+};
+
+struct EvaluationConfig {
+  evaluation::RandomOptions random;
+  evaluation::ProtectionOptions protection;
+};
+
+EvaluationConfig evaluation_config() {
   ConfigReader reader =
       ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
-  ConfigReader section = reader.required_section("random");
-  evaluation::RandomOptions options = evaluation::read_random_options(section);
+  EvaluationConfig config;
+  ConfigReader random = reader.required_section("random");
+  config.random = evaluation::read_random_options(random);
+  ConfigReader protection = reader.required_section("protection");
+  config.protection = evaluation::read_protection_options(protection);
   reader.finish();
-  return options;
+  return config;
+}
+
+double process_cpu_s() {
+  timespec time{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+double peak_bytes() {
+  rusage usage{};
+  ::getrusage(RUSAGE_SELF, &usage);
+  return 1024.0 * static_cast<double>(usage.ru_maxrss);
 }
 
 double thread_cpu_s() {
@@ -40,7 +74,7 @@ double thread_cpu_s() {
 }
 
 ExitCode run_random(const Console& console, const RandomArguments& arguments) {
-  evaluation::RandomOptions options = random_options();
+  evaluation::RandomOptions options = evaluation_config().random;
   if (arguments.problems > 0) {
     options.problems = arguments.problems;
   }
@@ -79,12 +113,96 @@ ExitCode run_random(const Console& console, const RandomArguments& arguments) {
   return ExitCode::kOk;
 }
 
+ExitCode run_protection(const Console& console, const ProtectionArguments& arguments) {
+  evaluation::ProtectionOptions options = evaluation_config().protection;
+  if (arguments.cells > 0) {
+    options.error_cells = arguments.cells;
+    options.gdal_cells = std::min(options.gdal_cells, arguments.cells);
+  }
+  const std::uint64_t seed = arguments.has_seed ? arguments.seed : std::random_device{}();
+  console.say("seed " + std::to_string(seed));
+  const map::Map map = map::read_map_bundle(arguments.map);
+  ConfigReader reader =
+      ConfigReader::from_text(shipped_config("prepare.yaml"), "config/prepare.yaml");
+  preparation::VisibilityOptions visibility = preparation::PrepareOptions::read(reader).visibility;
+  visibility.radius_m = map.visibility_radius_m;
+  visibility.reference_height_m = map.reference_height_m;
+  const int processors = static_cast<int>(std::max(1L, ::sysconf(_SC_NPROCESSORS_ONLN)));
+  const int threads = console.threads > 0 ? console.threads : processors;
+  const auto observer = console.observer();
+  const evaluation::ProtectionResult result =
+      evaluation::evaluate_protection(map, visibility, options, {threads, arguments.simd}, seed,
+                                      {process_cpu_s, peak_bytes}, *observer);
+  if (console.is_json) {
+    std::printf("%s", evaluation::protection_result_json(result).c_str());
+    return ExitCode::kOk;
+  }
+  std::printf("processor time   %.2f s per million cells (%s, %d threads), %.2f s with one\n",
+              result.cpu_s_per_million_cells, result.simd.c_str(), result.threads,
+              result.one_thread_cpu_s_per_million_cells);
+  std::printf("cells            %lld, %s\n", static_cast<long long>(result.timed_cells),
+              result.is_surroundings_complete ? "surroundings inside the map"
+                                              : "some surroundings beyond the map's edge");
+  std::printf("memory           %.0f bytes a cell\n", result.memory_bytes_per_cell);
+  std::printf(
+      "error            mean %.5f, 95 %% below %.5f, greatest %.5f, bias %+.5f (%lld cells)\n",
+      result.error.mean_abs, result.error.p95_abs, result.error.max_abs, result.error.bias,
+      static_cast<long long>(result.error.cells));
+  std::printf("GDAL             %.0f s per million cells, mean error %.5f (%lld cells)\n",
+              result.gdal_cpu_s_per_million_cells, result.gdal_mean_abs_error,
+              static_cast<long long>(result.gdal_cells));
+  std::printf("changed patch    %.3f s, %s a full run\n", result.update_cpu_s,
+              result.is_update_exact ? "same bytes as" : "NOT the bytes of");
+  std::printf("exposure volume  %zu heights, %.2f s per million cells, %.2f times one height\n",
+              result.exposure_heights_m.size() + 1, result.exposure_cpu_s_per_million_cells,
+              result.exposure_ratio);
+  return ExitCode::kOk;
+}
+
+void add_protection_verb(CLI::App& verb, Console& console) {
+  auto* protection = verb.add_subcommand(
+      "protection", "Time the visibility layer and compare it with brute force and with GDAL");
+  protection->footer(
+      "Computes visibility anew over the map's surface, with the map's radius and reference "
+      "height. "
+      "Cells whose surroundings lie inside the map are timed and drawn, in small maps all cells. "
+      "The error is that of the share, 0 to 1, against a line of sight to every cell around; GDAL "
+      "is its viewshed function in this process. Times are processor time of all threads.\n"
+      "Example:\n"
+      "  hedgehop evaluate protection --map map --json");
+  auto arguments = std::make_shared<ProtectionArguments>();
+  protection->add_option("--map", arguments->map, "Map bundle")->required();
+  protection
+      ->add_option("--cells", arguments->cells,
+                   "Cells to compare with brute force (default: evaluation.yaml)")
+      ->check(CLI::Range(1, 1000000));
+  protection->add_option_function<std::uint64_t>(
+      "--seed",
+      [arguments](const std::uint64_t& value) {
+        arguments->seed = value;
+        arguments->has_seed = true;
+      },
+      "Seed of the drawing (default: a fresh one, printed)");
+  protection
+      ->add_option("--simd", arguments->simd,
+                   "Instructions to use: avx2 or avx512 (default: the widest there is)")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, preparation::Simd>{
+          {"avx2", preparation::Simd::kAvx2}, {"avx512", preparation::Simd::kAvx512}}));
+  add_common_options(*protection, console);
+  protection->callback([&console, arguments] {
+    console.action = [&console, arguments] { return run_protection(console, *arguments); };
+  });
+}
+
 }  // namespace
 
 void add_evaluate_verb(CLI::App& app, Console& console) {
-  auto* verb = app.add_subcommand("evaluate", "Measure how good the plans are");
+  auto* verb = app.add_subcommand("evaluate", "Measure how good plans and maps are");
   verb->require_subcommand(1);
-  verb->footer("Example:\n  hedgehop evaluate random --map map --problems 20 --json");
+  verb->footer(
+      "Examples:\n  hedgehop evaluate random --map map --problems 20 --json\n"
+      "  hedgehop evaluate protection --map map --json");
+  add_protection_verb(*verb, console);
 
   auto* random = verb->add_subcommand(
       "random", "Plan problems with random start and goal, with the weights and with zero weights");

@@ -48,7 +48,7 @@ ROOMS = {
     "output": (["map", "flight", "risk"], [], JSON + GDAL + POSIX),
     "messages": (["planning", "map", "flight"], [], ["hedgehop/"]),
     "bus": (["messages", "base"], [], ["lcm/", "zstd.h"] + POSIX + SOCKETS),
-    "evaluation": (["planning", "output", "preparation"], [], ["boost/math/"] + JSON + POSIX + TBB),
+    "evaluation": (["planning", "output", "preparation"], [], ["boost/math/"] + GDAL + JSON + POSIX + TBB),
 }
 
 # Rooms in their order of dependency; these two folders stand on top.

@@ -247,7 +247,9 @@ Json json_of(const PrepareOptions& o, double cell_m) {
           {"visibility",
            {{"radius_m", o.visibility.radius_m},
             {"reference_height_m", o.visibility.reference_height_m},
-            {"azimuths", o.visibility.azimuths}}}};
+            {"azimuths", o.visibility.azimuths},
+            {"earth_curvature", o.visibility.is_earth_curved},
+            {"refraction", o.visibility.refraction}}}};
 }
 
 void add_once(std::vector<std::string>& lines, const std::string& line) {
@@ -428,9 +430,10 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
       map.power_lines.push_back(std::move(line));
     }
   }
-  map.visibility =
-      visibility_of_block(model.opaque_m, model.surface_m, corner, map.geometry.columns,
-                          map.geometry.rows, options.visibility, request.threads, observer);
+  VisibilityLayers visibility = visibility_of_block(
+      {model.opaque_m, model.surface_m}, corner, map.geometry.columns, map.geometry.rows,
+      options.visibility, {request.threads, Simd::kBest}, observer);
+  map.visibility = std::move(visibility.shares.front());
   map.hash = map::map_hash(map);
   map::validate(map);
 
@@ -480,7 +483,7 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   provenance["visibility_method"] =
       "share of the ground within the radius that sees a point at reference height over the "
       "surface; "
-      "lines of sight interpolated, flat earth, power lines hide nothing";
+      "lines of sight interpolated, power lines hide nothing";
   provenance["mapped_extent_deg"] = std::move(mapped);
   provenance["guessed_height_share"] = std::round(guessed_share * 1e6) / 1e6;
   provenance["object_heights"] = std::move(heights);

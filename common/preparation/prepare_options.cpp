@@ -58,6 +58,8 @@ PrepareOptions PrepareOptions::read(ConfigReader& reader) {
   visibility.require(azimuths >= 8 && azimuths <= 1000 && azimuths % 4 == 0, "azimuths",
                      "must be a multiple of 4 in 8 to 1000");
   options.visibility.azimuths = static_cast<int>(azimuths);
+  options.visibility.is_earth_curved = visibility.required_bool("earth_curvature");
+  options.visibility.refraction = within(visibility, "refraction", 0.0, 0.9);
   visibility.finish();
   reader.finish();
   return options;

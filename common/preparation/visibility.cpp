@@ -3,310 +3,480 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
-#include <tbb/blocked_range2d.h>
+#include <tbb/blocked_range.h>
 #include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include "base/angles.hpp"
-#include "base/elementary.hpp"
 #include "map/map.hpp"
-#include "preparation/visibility_kernel.hpp"
+#include "preparation/visibility_lines.hpp"
 
 namespace hedgehop::preparation {
 namespace {
 
 constexpr char kStage[] = "visibility";
-constexpr int kTileColumns = 128;
-constexpr int kTileRows = 16;
-// Weights of one ray add up to this, exact in float; those of 1000 rays fit 32 bits.
-constexpr double kRayWeight = 2097152.0;
+constexpr int kTileRows = 128;
+constexpr int kTileColumnsMax = 1024;
 
-void validate(const VisibilityOptions& options, double cell_m) {
-  if (options.azimuths < 8 || options.azimuths % 4 != 0 || options.azimuths > 1000) {
-    throw std::invalid_argument("visibility: azimuths must be a multiple of 4 in 8..1000, not " +
-                                std::to_string(options.azimuths));
-  }
-  if (!(options.radius_m >= 2.0 * cell_m) || !(options.radius_m <= 2000.0 * cell_m)) {
-    throw std::invalid_argument("visibility: radius must span 2 to 2000 cells");
-  }
-  if (!(options.reference_height_m >= 0.0)) {
-    throw std::invalid_argument("visibility: reference height must not be negative");
-  }
-}
-
-// A raster with a margin of unknown cells, so that rays need no bounds checks.
+// A part of a raster with a margin of unknown cells, so that rays need no bounds checks.
 struct Padded {
-  int margin = 0;
+  int first_column = 0;  // in the raster, of values[0]
+  int first_row = 0;
   std::ptrdiff_t stride = 0;
-  int columns = 0;
-  int rows = 0;
-  std::vector<float> values_m;
+  std::vector<float> values;
 
   [[nodiscard]] const float* at(int column, int row) const {
-    return values_m.data() + (row + margin) * stride + column + margin;
-  }
-  [[nodiscard]] float* at(int column, int row) {
-    return values_m.data() + (row + margin) * stride + column + margin;
+    return values.data() + (row - first_row) * stride + (column - first_column);
   }
 };
 
-Padded padded(const raster::Grid<float>& surface_m, int margin, bool is_transposed) {
+struct Window {
+  int column = 0;
+  int row = 0;
+  int columns = 0;
+  int rows = 0;
+};
+
+// `window` may stick out of the raster and is given in the frame of the pass.
+template <typename T, typename ValueOf>
+Padded padded(const raster::Grid<T>& grid, const Window& window, bool is_transposed, float beyond,
+              const ValueOf& value_of) {
   Padded result;
-  result.margin = margin;
-  result.columns = is_transposed ? surface_m.rows() : surface_m.columns();
-  result.rows = is_transposed ? surface_m.columns() : surface_m.rows();
-  result.stride = result.columns + 2 * margin + kLanesMax;
-  result.values_m.assign(
-      static_cast<std::size_t>(result.stride) * static_cast<std::size_t>(result.rows + 2 * margin),
-      kFarBelow_m);
-  for (int row = 0; row < surface_m.rows(); ++row) {
-    for (int column = 0; column < surface_m.columns(); ++column) {
-      const float value_m = surface_m.at(column, row);
-      if (!std::isnan(value_m)) {
-        *(is_transposed ? result.at(row, column) : result.at(column, row)) = value_m;
+  result.first_column = window.column;
+  result.first_row = window.row;
+  // An odd number of cache lines, so that the rows of a column do not fight for one place.
+  constexpr int kLineFloats = 16;
+  result.stride = ((window.columns + kLineFloats - 1) / kLineFloats | 1) * kLineFloats;
+  result.values.assign(
+      static_cast<std::size_t>(result.stride) * static_cast<std::size_t>(window.rows), beyond);
+  const int grid_columns = is_transposed ? grid.rows() : grid.columns();
+  const int grid_rows = is_transposed ? grid.columns() : grid.rows();
+  const int row_begin = std::max(window.row, 0);
+  const int row_end = std::min(window.row + window.rows, grid_rows);
+  const int column_begin = std::max(window.column, 0);
+  const int column_end = std::min(window.column + window.columns, grid_columns);
+  // In squares, so that the transposed raster is written without a cache miss a cell.
+  constexpr int kSquare = 64;
+  for (int square_row = row_begin; square_row < row_end; square_row += kSquare) {
+    for (int square_column = column_begin; square_column < column_end; square_column += kSquare) {
+      for (int row = square_row; row < std::min(square_row + kSquare, row_end); ++row) {
+        float* target = result.values.data() + (row - window.row) * result.stride - window.column;
+        for (int column = square_column; column < std::min(square_column + kSquare, column_end);
+             ++column) {
+          target[column] = value_of(is_transposed ? grid.at(row, column) : grid.at(column, row));
+        }
       }
     }
   }
   return result;
 }
 
-// Rays whose longer component runs along the rows' direction (y), or along x for the transposed
-// raster.
-std::vector<Ray> rays_along_rows(const VisibilityOptions& options, double cell_m,
-                                 std::ptrdiff_t stride, bool is_transposed) {
-  std::vector<Ray> rays;
-  for (int i = 0; i < options.azimuths; ++i) {
-    const double azimuth_rad = (i + 0.5) * kTwoPi / options.azimuths;
-    double across = elementary::sin(azimuth_rad);
-    double along = elementary::cos(azimuth_rad);
-    const bool is_along_x = std::fabs(across) > std::fabs(along);
-    if (is_along_x != is_transposed) {
-      continue;
-    }
-    if (is_transposed) {
-      std::swap(across, along);
-    }
-    const double shift = across / std::fabs(along);
-    const int direction = along > 0.0 ? 1 : -1;
-    const double step_m = cell_m * std::sqrt(1.0 + shift * shift);
-    const int count = static_cast<int>(std::floor(options.radius_m / step_m));
-    Ray ray;
-    for (int k = 1; k <= count; ++k) {
-      const double x = k * shift;
-      double left = std::floor(x);
-      double fraction = x - left;
-      if (fraction < 1e-6) {
-        fraction = 0.0;
-      } else if (fraction > 1.0 - 1e-6) {
-        left += 1.0;
-        fraction = 0.0;
-      }
-      const double distance_m = k * step_m;
-      const double inner_m = distance_m - 0.5 * step_m;
-      const double outer_m =
-          k == count ? options.radius_m : std::min(distance_m + 0.5 * step_m, options.radius_m);
-      const double share =
-          (outer_m * outer_m - inner_m * inner_m) / (options.radius_m * options.radius_m);
-      ray.samples.push_back(
-          {static_cast<std::ptrdiff_t>(direction) * k * stride + static_cast<std::ptrdiff_t>(left),
-           static_cast<float>(fraction), static_cast<float>(1.0 / distance_m),
-           static_cast<float>(std::round(kRayWeight * share))});
-    }
-    rays.push_back(std::move(ray));
-  }
-  return rays;
-}
-
-bool is_known_around(const Padded& raster, int column, int row, int columns, int rows, int reach) {
-  for (int r = row - reach; r < row + rows + reach; ++r) {
-    const float* line = raster.at(column - reach, r);
-    for (int c = 0; c < columns + 2 * reach; ++c) {
-      if (line[c] == kFarBelow_m) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-struct Sums {
+// Rays along the rows of the raster, or of the transposed raster, from every cell of the block.
+struct Pass {
+  bool is_transposed = false;
+  int column = 0;  // of the block, in the frame of the pass
+  int row = 0;
+  int columns = 0;
+  int rows = 0;
+  std::int64_t absolute_row = 0;  // of the raster's row 0
+  int reach = 0;
+  Padded ground_m;
+  Padded weight;
+  std::vector<SightLine> lines;
+  std::vector<ColumnSpan> spans;  // by row of the block
+  // By cell of the block; `further` in planes: at reference height on the lines with further
+  // heights, at each further height, known on these lines.
   std::vector<std::int32_t> seen;
   std::vector<std::int32_t> known;
-  std::size_t stride = 0;
+  std::vector<std::int32_t> further;
+
+  [[nodiscard]] std::size_t cell_count() const {
+    return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+  }
 };
 
-// One of the two passes: rays along the rows of `raster` from every cell of the block. `eye_m`
-// gives the eye over a cell of the raster.
-template <typename EyeAt>
-Sums sums_of_block(const Padded& raster, const EyeAt& eye_m, const std::vector<Ray>& rays,
-                   raster::CellIndex block, int columns, int rows, int reach, double done,
-                   Observer& observer) {
-  Sums sums;
-  sums.stride = static_cast<std::size_t>(columns + kLanesMax);
-  sums.seen.assign(sums.stride * static_cast<std::size_t>(rows), 0);
-  sums.known.assign(sums.stride * static_cast<std::size_t>(rows), 0);
-  std::int32_t all_known = 0;
-  for (const Ray& ray : rays) {
-    for (const RaySample& sample : ray.samples) {
-      all_known += static_cast<std::int32_t>(sample.weight);
+struct Tile {
+  Pass* pass = nullptr;
+  int column = 0;  // in the block
+  int row = 0;
+  int columns = 0;
+  int rows = 0;
+};
+
+// Memory of a tile. Rows have room for a group of lanes on each side.
+struct TileSums {
+  std::ptrdiff_t stride = 0;
+  std::ptrdiff_t plane = 0;
+  std::vector<float> eyes_m;
+  std::vector<std::int32_t> seen;
+  std::vector<std::int32_t> known;
+  std::vector<std::int32_t> further;
+};
+
+struct LineRow {
+  int row = 0;  // in the tile
+  int shift = 0;
+  int skewed_begin = 0;  // columns with observers
+  int skewed_end = 0;
+};
+
+void add_line(const Tile& tile, const SightLine& line, int further_count, TileSums& sums,
+              GroupBuffers& buffers, GroupKernel kernel) {
+  const Pass& pass = *tile.pass;
+  const int step_count = static_cast<int>(line.steps.size());
+  const int first_row = pass.row + tile.row;  // in the raster
+  const int buffer_rows = tile.rows + 2 * step_count;
+  std::vector<std::int32_t> left(static_cast<std::size_t>(buffer_rows));
+  std::vector<float> fraction(static_cast<std::size_t>(buffer_rows));
+  std::vector<LineRow> rows;
+  std::vector<ObserverRow> observers;
+  for (int phase = 0; phase < 2; ++phase) {
+    rows.clear();
+    int skewed_begin = std::numeric_limits<int>::max();
+    int skewed_end = std::numeric_limits<int>::min();
+    for (int row = 0; row < tile.rows; ++row) {
+      const Foot foot = foot_on_line(line.slope, pass.absolute_row + first_row + row);
+      if (foot.phase != phase) {
+        continue;
+      }
+      const ColumnSpan& span = pass.spans[static_cast<std::size_t>(tile.row + row)];
+      const int begin = std::max(span.begin, tile.column);
+      const int end = std::min(span.end, tile.column + tile.columns);
+      if (begin >= end) {
+        continue;
+      }
+      rows.push_back(
+          {row, foot.shift, pass.column + begin + foot.shift, pass.column + end + foot.shift});
+      skewed_begin = std::min(skewed_begin, rows.back().skewed_begin);
+      skewed_end = std::max(skewed_end, rows.back().skewed_end);
+    }
+    if (rows.empty()) {
+      continue;
+    }
+    for (int b = 0; b < buffer_rows; ++b) {
+      const Crossing crossing =
+          crossing_of_line(line.slope, phase, pass.absolute_row + first_row - step_count + b);
+      left[static_cast<std::size_t>(b)] = crossing.left;
+      fraction[static_cast<std::size_t>(b)] = crossing.fraction;
+    }
+    GroupTask task;
+    task.ground_m = pass.ground_m.at(0, first_row - step_count);
+    task.stride = pass.ground_m.stride;
+    task.ground_weight =
+        pass.weight.values.empty() ? nullptr : pass.weight.at(0, first_row - step_count);
+    task.left = left.data();
+    task.fraction = fraction.data();
+    task.steps = line.steps.data();
+    task.step_count = step_count;
+    task.known_prefix = line.known_prefix.data();
+    task.further_slopes = line.further_slopes.data();
+    task.further_count = further_count;
+    task.further_plane = sums.plane;
+    task.observers = &observers;
+    for (int group = skewed_begin; group < skewed_end; group += kGroupLanes) {
+      observers.clear();
+      for (const LineRow& row : rows) {
+        if (row.skewed_end <= group || row.skewed_begin >= group + kGroupLanes) {
+          continue;
+        }
+        const std::ptrdiff_t at =
+            row.row * sums.stride + (group - row.shift - pass.column - tile.column) + kGroupLanes;
+        observers.push_back({row.row + step_count, sums.eyes_m.data() + at, sums.seen.data() + at,
+                             sums.known.data() + at,
+                             further_count == 0 ? nullptr : sums.further.data() + at});
+      }
+      if (observers.empty()) {
+        continue;
+      }
+      task.first_column = group;
+      task.buffer_begin = observers.front().buffer_row - step_count;
+      task.buffer_end = observers.back().buffer_row + step_count + 1;
+      add_group(task, buffers, kernel);
     }
   }
-  std::atomic<std::int64_t> cells_done = 0;
-  const double cells = static_cast<double>(columns) * rows;
-  const int tile_columns = (columns + kTileColumns - 1) / kTileColumns;
-  const int tile_rows = (rows + kTileRows - 1) / kTileRows;
-  tbb::parallel_for(
-      tbb::blocked_range2d<int>(0, tile_rows, 1, 0, tile_columns, 1),
-      [&](const tbb::blocked_range2d<int>& range) {
-        for (int tile_row = range.rows().begin(); tile_row < range.rows().end(); ++tile_row) {
-          for (int tile = range.cols().begin(); tile < range.cols().end(); ++tile) {
-            const int first_row = tile_row * kTileRows;
-            const int first_column = tile * kTileColumns;
-            const int row_count = std::min(kTileRows, rows - first_row);
-            const int column_count = std::min(kTileColumns, columns - first_column);
-            const bool is_all_known =
-                is_known_around(raster, block.column + first_column, block.row + first_row,
-                                column_count, row_count, reach);
-            std::vector<std::int32_t> seen(kTileColumns + kLanesMax);
-            std::vector<std::int32_t> known(kTileColumns + kLanesMax);
-            std::vector<float> eyes_m(kTileColumns + kLanesMax);
-            for (int row = first_row; row < first_row + row_count; ++row) {
-              observer.check_stop();
-              std::fill(seen.begin(), seen.end(), 0);
-              std::fill(known.begin(), known.end(), is_all_known ? all_known : 0);
-              for (int i = 0; i < column_count; ++i) {
-                eyes_m[static_cast<std::size_t>(i)] =
-                    eye_m(block.column + first_column + i, block.row + row);
-              }
-              add_seen(raster.at(block.column + first_column, block.row + row), eyes_m.data(),
-                       column_count, rays, seen.data(), is_all_known ? nullptr : known.data());
-              const std::size_t target = static_cast<std::size_t>(row) * sums.stride +
-                                         static_cast<std::size_t>(first_column);
-              std::copy_n(seen.begin(), column_count, sums.seen.data() + target);
-              std::copy_n(known.begin(), column_count, sums.known.data() + target);
-            }
-            cells_done += static_cast<std::int64_t>(row_count) * column_count;
-            observer.progress(kStage, done + 0.5 * static_cast<double>(cells_done) / cells, 1.0);
-          }
-        }
-      });
-  return sums;
+}
+
+struct Work {
+  const VisibilityGround* ground = nullptr;
+  float reference_height_m = 0.0F;
+  int further_count = 0;
+  bool only_further = false;  // lines without further heights have been done
+  GroupKernel kernel = nullptr;
+};
+
+void run_tile(const Tile& tile, const Work& work, Observer& observer) {
+  Pass& pass = *tile.pass;
+  TileSums sums;
+  sums.stride = tile.columns + 2 * kGroupLanes;
+  sums.plane = sums.stride * tile.rows;
+  const auto plane = static_cast<std::size_t>(sums.plane);
+  const std::size_t further_planes = work.further_count == 0 ? 0 : work.further_count + 2;
+  sums.eyes_m.assign(plane, 0.0F);
+  sums.seen.assign(plane, 0);
+  sums.known.assign(plane, 0);
+  sums.further.assign(further_planes * plane, 0);
+  const raster::Grid<float>& surface_m = work.ground->surface_m;
+  for (int row = 0; row < tile.rows; ++row) {
+    float* eyes_m = sums.eyes_m.data() + row * sums.stride + kGroupLanes;
+    for (int column = 0; column < tile.columns; ++column) {
+      const int c = pass.column + tile.column + column;
+      const int r = pass.row + tile.row + row;
+      const float ground_m = pass.is_transposed ? surface_m.at(r, c) : surface_m.at(c, r);
+      eyes_m[column] = std::isnan(ground_m) ? 0.0F : ground_m + work.reference_height_m;
+    }
+  }
+  GroupBuffers buffers;
+  for (const SightLine& line : pass.lines) {
+    if (work.only_further && !line.has_further) {
+      continue;
+    }
+    observer.check_stop();
+    add_line(tile, line, line.has_further ? work.further_count : 0, sums, buffers, work.kernel);
+  }
+  for (int row = 0; row < tile.rows; ++row) {
+    const std::ptrdiff_t from = row * sums.stride + kGroupLanes;
+    const std::ptrdiff_t to =
+        static_cast<std::ptrdiff_t>(tile.row + row) * pass.columns + tile.column;
+    if (!work.only_further) {
+      std::copy_n(sums.seen.data() + from, tile.columns, pass.seen.data() + to);
+      std::copy_n(sums.known.data() + from, tile.columns, pass.known.data() + to);
+    }
+    for (std::size_t p = 0; p < further_planes; ++p) {
+      std::copy_n(sums.further.data() + p * plane + from, tile.columns,
+                  pass.further.data() + p * pass.cell_count() + to);
+    }
+  }
+}
+
+std::vector<Tile> tiles_of(Pass& pass) {
+  std::vector<Tile> tiles;
+  const int across = (pass.columns + kTileColumnsMax - 1) / kTileColumnsMax;
+  const int along = (pass.rows + kTileRows - 1) / kTileRows;
+  for (int i = 0; i < along; ++i) {
+    for (int k = 0; k < across; ++k) {
+      Tile tile{&pass, 0, 0, 0, 0};
+      tile.row = static_cast<int>(std::int64_t{pass.rows} * i / along);
+      tile.rows = static_cast<int>(std::int64_t{pass.rows} * (i + 1) / along) - tile.row;
+      tile.column = static_cast<int>(std::int64_t{pass.columns} * k / across);
+      tile.columns = static_cast<int>(std::int64_t{pass.columns} * (k + 1) / across) - tile.column;
+      tiles.push_back(tile);
+    }
+  }
+  return tiles;
+}
+
+// For each column of the block the rows between its first and its last wanted cell.
+std::vector<ColumnSpan> transposed(const std::vector<ColumnSpan>& spans, int columns) {
+  std::vector<ColumnSpan> result(static_cast<std::size_t>(columns),
+                                 {std::numeric_limits<int>::max(), 0});
+  for (std::size_t row = 0; row < spans.size(); ++row) {
+    for (int column = std::max(spans[row].begin, 0); column < std::min(spans[row].end, columns);
+         ++column) {
+      ColumnSpan& target = result[static_cast<std::size_t>(column)];
+      target.begin = std::min(target.begin, static_cast<int>(row));
+      target.end = static_cast<int>(row) + 1;
+    }
+  }
+  return result;
+}
+
+Pass pass_over(const VisibilityGround& ground, raster::CellIndex block, int columns, int rows,
+               const VisibilityOptions& options, const std::vector<ColumnSpan>* spans,
+               bool is_transposed) {
+  const raster::GridGeometry& g = ground.surface_m.geometry();
+  Pass pass;
+  pass.is_transposed = is_transposed;
+  pass.column = is_transposed ? block.row : block.column;
+  pass.row = is_transposed ? block.column : block.row;
+  pass.columns = is_transposed ? rows : columns;
+  pass.rows = is_transposed ? columns : rows;
+  pass.absolute_row = rows_from_origin(is_transposed ? g.west_m : g.south_m, g.cell_m);
+  std::vector<ColumnSpan> of_rows(static_cast<std::size_t>(rows), {0, columns});
+  if (spans != nullptr) {
+    of_rows = *spans;
+  }
+  pass.spans = is_transposed ? transposed(of_rows, columns) : std::move(of_rows);
+  // The lines of a tile run on beyond their own observers' reach, and groups have idle lanes.
+  const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m)) + 2;
+  const int beside = reach + kTileRows + kGroupLanes;
+  const Window window{pass.column - beside, pass.row - reach, pass.columns + 2 * beside,
+                      pass.rows + 2 * reach};
+  pass.ground_m = padded(ground.opaque_m, window, is_transposed, kFarBelow_m,
+                         [](float z) { return std::isnan(z) ? kFarBelow_m : z; });
+  if (ground.weight != nullptr) {
+    pass.weight = padded(*ground.weight, window, is_transposed, 0.0F, [](std::uint8_t weight) {
+      return static_cast<float>(std::min(weight, kGroundWeightMax));
+    });
+  }
+  pass.seen.assign(pass.cell_count(), 0);
+  pass.known.assign(pass.cell_count(), 0);
+  return pass;
+}
+
+// Both passes' sums of a cell of the block. With weighted ground they use all 32 bits.
+std::int64_t sum_of(const std::vector<std::int32_t>& along_y,
+                    const std::vector<std::int32_t>& along_x, std::size_t plane, int columns,
+                    int rows, int column, int row) {
+  const auto width = static_cast<std::size_t>(columns);
+  const auto height = static_cast<std::size_t>(rows);
+  const auto c = static_cast<std::size_t>(column);
+  const auto r = static_cast<std::size_t>(row);
+  return std::int64_t{static_cast<std::uint32_t>(along_y[(plane * height + r) * width + c])} +
+         std::int64_t{static_cast<std::uint32_t>(along_x[(plane * width + c) * height + r])};
 }
 
 }  // namespace
 
-raster::Grid<std::uint16_t> visibility_of_block(const raster::Grid<float>& opaque_m,
-                                                const raster::Grid<float>& surface_m,
-                                                raster::CellIndex block, int columns, int rows,
-                                                const VisibilityOptions& options, int threads,
-                                                Observer& observer) {
-  const raster::GridGeometry& g = surface_m.geometry();
+VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
+                                     int columns, int rows, const VisibilityOptions& options,
+                                     const VisibilityExecution& execution, Observer& observer,
+                                     const std::vector<ColumnSpan>* spans) {
+  const raster::GridGeometry& g = ground.surface_m.geometry();
   validate(options, g.cell_m);
-  if (opaque_m.geometry() != g) {
-    throw std::invalid_argument("visibility: both surfaces need the same geometry");
-  }
-  if (block.column < 0 || block.row < 0 || columns < 1 || rows < 1 ||
-      block.column + columns > g.columns || block.row + rows > g.rows) {
-    throw std::invalid_argument("visibility: the block does not lie inside the raster");
+  validate(ground, block, columns, rows);
+  const GroupKernel kernel = group_kernel(execution.simd);
+  if (spans != nullptr && spans->size() != static_cast<std::size_t>(rows)) {
+    throw std::invalid_argument("visibility: one span of columns is needed for each row");
   }
   observer.progress(kStage, 0.0, 1.0);
-  const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m)) + 1;
-  const auto pass = [&](bool is_transposed) {
-    const Padded raster = padded(opaque_m, reach + 1, is_transposed);
-    const std::vector<Ray> rays = rays_along_rows(options, g.cell_m, raster.stride, is_transposed);
-    const auto eye_m = [&](int column, int row) {
-      const float ground_m = is_transposed ? surface_m.at(row, column) : surface_m.at(column, row);
-      return ground_m + static_cast<float>(options.reference_height_m);
-    };
-    return is_transposed
-               ? sums_of_block(raster, eye_m, rays, {block.row, block.column}, rows, columns, reach,
-                               0.5, observer)
-               : sums_of_block(raster, eye_m, rays, block, columns, rows, reach, 0.0, observer);
-  };
-  Sums along_y;
-  Sums along_x;
   const int processors = tbb::info::default_concurrency();
-  tbb::task_arena arena(threads > 0 ? std::min(threads, processors) : processors);
+  tbb::task_arena arena(execution.threads > 0 ? std::min(execution.threads, processors)
+                                              : processors);
+  Pass along_y;
+  Pass along_x;
   arena.execute([&] {
-    along_y = pass(false);
-    observer.check_stop();
-    along_x = pass(true);
+    tbb::parallel_for(0, 2, [&](int is_transposed) {
+      (is_transposed == 1 ? along_x : along_y) =
+          pass_over(ground, block, columns, rows, options, spans, is_transposed == 1);
+    });
   });
-  raster::GridGeometry block_geometry = g;
-  block_geometry.west_m = g.west_m + block.column * g.cell_m;
-  block_geometry.south_m = g.south_m + block.row * g.cell_m;
-  block_geometry.columns = columns;
-  block_geometry.rows = rows;
-  raster::Grid<std::uint16_t> result(block_geometry, map::kVisibilityUnknown);
-  for (int row = 0; row < rows; ++row) {
-    for (int column = 0; column < columns; ++column) {
-      if (std::isnan(surface_m.at(block.column + column, block.row + row))) {
-        continue;
-      }
-      const std::size_t y =
-          static_cast<std::size_t>(row) * along_y.stride + static_cast<std::size_t>(column);
-      const std::size_t x =
-          static_cast<std::size_t>(column) * along_x.stride + static_cast<std::size_t>(row);
-      const std::int64_t seen = std::int64_t{along_y.seen[y]} + along_x.seen[x];
-      const std::int64_t known = std::int64_t{along_y.known[y]} + along_x.known[x];
-      if (known > 0) {
-        result.at(column, row) = static_cast<std::uint16_t>(std::floor(
-            map::kVisibilityScale * static_cast<double>(seen) / static_cast<double>(known) + 0.5));
+  std::vector<Tile> tiles = tiles_of(along_y);
+  const std::vector<Tile> more_tiles = tiles_of(along_x);
+  tiles.insert(tiles.end(), more_tiles.begin(), more_tiles.end());
+
+  const std::size_t height_count = options.further_heights_m.size();
+  const std::size_t rounds =
+      std::max<std::size_t>(1, (height_count + kFurtherHeightsMax - 1) / kFurtherHeightsMax);
+  VisibilityLayers layers;
+  const raster::GridGeometry geometry = geometry_of_block(g, block, columns, rows);
+  layers.shares.assign(height_count + 1,
+                       raster::Grid<std::uint16_t>(geometry, map::kVisibilityUnknown));
+  layers.is_partial = partial_surroundings(ground.opaque_m, block, columns, rows, options.radius_m);
+  for (std::size_t round = 0; round < rounds; ++round) {
+    const std::size_t first = round * kFurtherHeightsMax;
+    const std::size_t count = std::min<std::size_t>(kFurtherHeightsMax, height_count - first);
+    VisibilityOptions part = options;
+    part.further_heights_m.assign(
+        options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(first),
+        options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(first + count));
+    for (Pass* pass : {&along_y, &along_x}) {
+      pass->lines = sight_lines(part, g.cell_m, pass->is_transposed, ground.weight != nullptr);
+      pass->further.assign(count == 0 ? 0 : (count + 2) * pass->cell_count(), 0);
+    }
+    const Work work{&ground, static_cast<float>(options.reference_height_m),
+                    static_cast<int>(count), round > 0, kernel};
+    std::atomic<std::int64_t> tiles_done = 0;
+    arena.execute([&] {
+      tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) {
+        run_tile(tiles[i], work, observer);
+        const double done = static_cast<double>(++tiles_done) / static_cast<double>(tiles.size());
+        observer.progress(kStage, (static_cast<double>(round) + done) / static_cast<double>(rounds),
+                          1.0);
+      });
+    });
+    const auto sum = [&](const std::vector<std::int32_t>& y, const std::vector<std::int32_t>& x,
+                         std::size_t plane, raster::CellIndex cell) {
+      return sum_of(y, x, plane, columns, rows, cell.column, cell.row);
+    };
+    for (int row = 0; row < rows; ++row) {
+      const ColumnSpan span = along_y.spans[static_cast<std::size_t>(row)];
+      for (int column = std::max(span.begin, 0); column < std::min(span.end, columns); ++column) {
+        const raster::CellIndex cell{column, row};
+        const std::int64_t known = sum(along_y.known, along_x.known, 0, cell);
+        if (known == 0 || std::isnan(ground.surface_m.at(block.column + column, block.row + row))) {
+          continue;
+        }
+        const double share = static_cast<double>(sum(along_y.seen, along_x.seen, 0, cell)) /
+                             static_cast<double>(known);
+        if (round == 0) {
+          layers.shares[0].at(cell) = stored_share(share);
+        }
+        if (count == 0) {
+          continue;
+        }
+        const std::int64_t seen = sum(along_y.further, along_x.further, 0, cell);
+        const std::int64_t further_known = sum(along_y.further, along_x.further, count + 1, cell);
+        for (std::size_t i = 0; i < count; ++i) {
+          layers.shares[first + i + 1].at(cell) = further_share(
+              share, sum(along_y.further, along_x.further, i + 1, cell) - seen, further_known);
+        }
       }
     }
   }
+  order_by_height(options, layers.shares);
   observer.progress(kStage, 1.0, 1.0);
-  return result;
+  return layers;
 }
 
-double reference_visibility_share(const raster::Grid<float>& opaque_m,
-                                  const raster::Grid<float>& surface_m, raster::CellIndex cell,
-                                  const VisibilityOptions& options) {
-  const raster::GridGeometry& g = surface_m.geometry();
+void update_visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
+                                const CellRectangle& changed, const VisibilityOptions& options,
+                                const VisibilityExecution& execution, Observer& observer,
+                                VisibilityLayers& layers) {
+  if (layers.shares.size() != options.further_heights_m.size() + 1) {
+    throw std::invalid_argument("visibility: the layers have not the heights of the options");
+  }
+  const raster::GridGeometry& g = ground.surface_m.geometry();
+  const int columns = layers.shares.front().columns();
+  const int rows = layers.shares.front().rows();
   validate(options, g.cell_m);
-  if (!g.contains(cell) || std::isnan(surface_m.at(cell))) {
-    return std::numeric_limits<double>::quiet_NaN();
+  validate(ground, block, columns, rows);
+  if (changed.columns < 1 || changed.rows < 1) {
+    return;
   }
-  const double eye_m = static_cast<double>(surface_m.at(cell)) + options.reference_height_m;
-  const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m));
-  std::int64_t seen = 0;
-  std::int64_t known = 0;
-  for (int dy = -reach; dy <= reach; ++dy) {
-    for (int dx = -reach; dx <= reach; ++dx) {
-      const raster::CellIndex target{cell.column + dx, cell.row + dy};
-      const double distance = std::hypot(dx, dy);
-      if ((dx == 0 && dy == 0) || distance * g.cell_m > options.radius_m || !g.contains(target) ||
-          std::isnan(opaque_m.at(target))) {
-        continue;
-      }
-      ++known;
-      const double target_slope = (static_cast<double>(opaque_m.at(target)) - eye_m) / distance;
-      const int steps = std::max(std::abs(dx), std::abs(dy));
-      bool is_seen = true;
-      for (int k = 1; k < steps && is_seen; ++k) {
-        const double t = static_cast<double>(k) / steps;
-        const double x = cell.column + t * dx;
-        const double y = cell.row + t * dy;
-        const bool is_along_x = std::abs(dx) >= std::abs(dy);
-        const int column =
-            is_along_x ? cell.column + (dx > 0 ? k : -k) : static_cast<int>(std::floor(x));
-        const int row = is_along_x ? static_cast<int>(std::floor(y)) : cell.row + (dy > 0 ? k : -k);
-        const double fraction = is_along_x ? y - row : x - column;
-        double z_m = static_cast<double>(opaque_m.at(column, row));
-        if (fraction > 1e-9) {
-          const double next_m = is_along_x ? static_cast<double>(opaque_m.at(column, row + 1))
-                                           : static_cast<double>(opaque_m.at(column + 1, row));
-          z_m += fraction * (next_m - z_m);
-        }
-        is_seen = !((z_m - eye_m) / (t * distance) > target_slope);
-      }
-      seen += is_seen ? 1 : 0;
+  // A sample lies up to one cell beside what it is interpolated from, and a ray beside its
+  // observer.
+  const double reach = options.radius_m / g.cell_m + 2.0;
+  const int whole_reach = static_cast<int>(std::ceil(reach));
+  const int row_begin = std::max(changed.row - whole_reach, block.row);
+  const int row_end = std::min(changed.row + changed.rows + whole_reach, block.row + rows);
+  const int column_begin = std::max(changed.column - whole_reach, block.column);
+  const int column_end =
+      std::min(changed.column + changed.columns + whole_reach, block.column + columns);
+  if (row_begin >= row_end || column_begin >= column_end) {
+    return;
+  }
+  std::vector<ColumnSpan> spans;
+  for (int row = row_begin; row < row_end; ++row) {
+    const int away = std::max({changed.row - row, row - (changed.row + changed.rows - 1), 0});
+    const double square = reach * reach - static_cast<double>(away) * away;
+    if (square < 0.0) {
+      spans.push_back({0, 0});
+      continue;
     }
+    const int half = static_cast<int>(std::ceil(std::sqrt(square)));
+    spans.push_back({std::max(changed.column - half, column_begin) - column_begin,
+                     std::min(changed.column + changed.columns + half, column_end) - column_begin});
   }
-  return known == 0 ? std::numeric_limits<double>::quiet_NaN()
-                    : static_cast<double>(seen) / static_cast<double>(known);
+  const VisibilityLayers update =
+      visibility_of_block(ground, {column_begin, row_begin}, column_end - column_begin,
+                          row_end - row_begin, options, execution, observer, &spans);
+  for (int row = row_begin; row < row_end; ++row) {
+    const ColumnSpan& span = spans[static_cast<std::size_t>(row - row_begin)];
+    if (span.begin >= span.end) {
+      continue;
+    }
+    const int to = column_begin + span.begin - block.column;
+    for (std::size_t i = 0; i < layers.shares.size(); ++i) {
+      std::copy(update.shares[i].row(row - row_begin) + span.begin,
+                update.shares[i].row(row - row_begin) + span.end,
+                layers.shares[i].row(row - block.row) + to);
+    }
+    std::copy(update.is_partial.row(row - row_begin) + span.begin,
+              update.is_partial.row(row - row_begin) + span.end,
+              layers.is_partial.row(row - block.row) + to);
+  }
 }
 
 }  // namespace hedgehop::preparation

@@ -541,6 +541,23 @@ class Json(CliTest):
         self.assertEqual(found["seed"], 5)
         self.assertGreaterEqual(found["problems"][0]["distance_m"], 8000.0)
 
+    def test_evaluate_protection(self):
+        found = self.one_object("evaluate", "protection", "--map", self.map, "--cells", "4", "--seed", "7")
+        self.assertGreater(found["cpu_s_per_million_cells"], 0.0)
+        self.assertGreaterEqual(found["threads"], 1)
+        self.assertEqual(found["error"]["cells"], 4)
+        self.assertLess(found["error"]["mean_abs"], 0.01)
+        self.assertGreater(found["gdal"]["cpu_s_per_million_cells"], found["cpu_s_per_million_cells"])
+        self.assertTrue(found["update"]["same_bytes"])
+        self.assertEqual([h["height_m"] for h in found["exposure"]["heights"]], [30.0, 60.0, 100.0, 150.0])
+        result = self.hedgehop("evaluate", "protection", "--map", self.map, "--cells", "4", "--seed", "7", "--simd", "avx2", "--json")
+        if result.returncode == 0:
+            forced = json.loads(result.stdout)
+            self.assertEqual(forced["simd"], "avx2")
+            self.assertEqual(forced["error"], found["error"])  # same bytes
+        else:
+            self.assertIn("--simd", result.stderr)
+
     def test_info(self):
         found = self.one_object("info", self.map)
         self.assertRegex(found["map_hash"], "^[0-9a-f]{32}$")

@@ -18,6 +18,7 @@
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
 #include "command_model/command_model.hpp"
+#include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
 #include "map_sources/vector_mapping.hpp"
 #include "planning/planning.hpp"
@@ -53,6 +54,8 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   ConfigReader reader = ConfigReader::from_text(text, name);
   ConfigReader random = reader.required_section("random");
   evaluation::read_random_options(random);
+  ConfigReader protection = reader.required_section("protection");
+  evaluation::read_protection_options(protection);
   reader.finish();
 }
 

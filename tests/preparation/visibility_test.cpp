@@ -11,6 +11,7 @@
 
 #include "base/errors.hpp"
 #include "map/map.hpp"
+#include "support/fresh_seed.hpp"
 
 namespace hedgehop::preparation {
 namespace {
@@ -40,17 +41,62 @@ raster::Grid<float> hills(int columns, int rows, double cell_m, unsigned seed) {
   return grid;
 }
 
+VisibilityOptions flat_earth(double radius_m, double reference_height_m, int azimuths) {
+  return {radius_m, reference_height_m, azimuths, false, 0.0, {}};
+}
+
+VisibilityLayers layers_everywhere(const VisibilityGround& ground, const VisibilityOptions& options,
+                                   const VisibilityExecution& execution = {1, Simd::kBest}) {
+  SilentObserver observer;
+  return visibility_of_block(ground, {0, 0}, ground.surface_m.columns(), ground.surface_m.rows(),
+                             options, execution, observer);
+}
+
 raster::Grid<std::uint16_t> visibility_everywhere(const raster::Grid<float>& surface_m,
                                                   const VisibilityOptions& options,
                                                   int threads = 1) {
+  return layers_everywhere({surface_m, surface_m}, options, {threads, Simd::kBest}).shares[0];
+}
+
+std::uint16_t visibility_at(const raster::Grid<float>& surface_m, raster::CellIndex cell,
+                            const VisibilityOptions& options) {
   SilentObserver observer;
-  return visibility_of_block(surface_m, surface_m, {0, 0}, surface_m.columns(), surface_m.rows(),
-                             options, threads, observer);
+  return visibility_of_block({surface_m, surface_m}, cell, 1, 1, options, {1, Simd::kBest},
+                             observer)
+      .shares[0]
+      .at(0, 0);
+}
+
+// Hills with holes, steep pits and walls: nothing a raster can hold is left out.
+raster::Grid<float> wild_ground(int columns, int rows, unsigned seed) {
+  raster::Grid<float> grid = hills(columns, rows, 30.0, seed);
+  std::mt19937 random(seed);
+  for (int i = 0; i < columns * rows / 50; ++i) {
+    float& value = grid.at(static_cast<int>(random() % columns), static_cast<int>(random() % rows));
+    value = random() % 3 == 0 ? kNan : value + static_cast<float>(random() % 120) - 40.0F;
+  }
+  return grid;
+}
+
+raster::Grid<float> raised_here_and_there(raster::Grid<float> grid, unsigned seed) {
+  std::mt19937 random(seed + 1);
+  for (float& value : grid.values()) {
+    value += random() % 20 == 0 ? 45.0F : 0.0F;
+  }
+  return grid;
+}
+
+void expect_same(const VisibilityLayers& a, const VisibilityLayers& b) {
+  ASSERT_EQ(a.shares.size(), b.shares.size());
+  for (std::size_t i = 0; i < a.shares.size(); ++i) {
+    EXPECT_EQ(a.shares[i].values(), b.shares[i].values()) << "height " << i;
+  }
+  EXPECT_EQ(a.is_partial.values(), b.is_partial.values());
 }
 
 TEST(Visibility, FlatGroundIsSeenAltogether) {
   const raster::Grid<float> flat({0.0, 0.0, 30.0, 60, 50}, 321.0F);
-  const auto stored = visibility_everywhere(flat, {900.0, 15.24, 64});
+  const auto stored = visibility_everywhere(flat, flat_earth(900.0, 15.24, 64));
   for (const std::uint16_t value : stored.values()) {
     EXPECT_EQ(value, 65534);
   }
@@ -65,12 +111,10 @@ TEST(Visibility, ALongWallHidesWhatItsShadowCovers) {
   for (int column = 0; column < 101; ++column) {
     ground.at(column, 70) = 100.0F;
   }
-  const VisibilityOptions options{400.0, 10.0, 720};
-  SilentObserver observer;
-  const auto stored = visibility_of_block(ground, ground, {50, 50}, 1, 1, options, 1, observer);
+  const std::uint16_t stored = visibility_at(ground, {50, 50}, flat_earth(400.0, 10.0, 720));
   const double hidden = (std::numbers::pi / 3.0 - std::sqrt(3.0) / 4.0) / std::numbers::pi;
   // The wall itself is seen and one cell wide: its row belongs to the seen part.
-  EXPECT_NEAR(map::visibility_share(stored.at(0, 0)), 1.0 - hidden, 0.015);
+  EXPECT_NEAR(map::visibility_share(stored), 1.0 - hidden, 0.015);
 }
 
 TEST(Visibility, AgreesWithBruteForceLinesOfSight) {
@@ -78,16 +122,15 @@ TEST(Visibility, AgreesWithBruteForceLinesOfSight) {
   const unsigned seed = device();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const VisibilityOptions options{5000.0, 15.24, 180};
+  const VisibilityOptions options{5000.0, 15.24, 180, true, 0.13, {}};
   const raster::Grid<float> surface_m = hills(420, 410, 30.0, seed);
-  SilentObserver observer;
   std::vector<double> errors;
   for (int i = 0; i < 40; ++i) {
     const raster::CellIndex cell{static_cast<int>(random() % 240),
                                  static_cast<int>(random() % 220)};
-    const auto stored = visibility_of_block(surface_m, surface_m, cell, 1, 1, options, 1, observer);
-    errors.push_back(std::fabs(map::visibility_share(stored.at(0, 0)) -
-                               reference_visibility_share(surface_m, surface_m, cell, options)));
+    errors.push_back(
+        std::fabs(map::visibility_share(visibility_at(surface_m, cell, options)) -
+                  reference_visibility_share({surface_m, surface_m}, cell, 15.24, options)));
   }
   std::sort(errors.begin(), errors.end());
   double mean = 0.0;
@@ -115,7 +158,6 @@ TEST(Visibility, AgreesWithTheViewshedOfGdal) {
                                                   GDT_Float32, 0, 0, nullptr),
               CE_None);
   }
-  SilentObserver observer;
   double sum = 0.0;
   int count = 0;
   for (const raster::CellIndex cell :
@@ -136,9 +178,8 @@ TEST(Visibility, AgreesWithTheViewshedOfGdal) {
     const auto seen = std::count(cells.begin(), cells.end(), 255);
     const auto hidden = std::count(cells.begin(), cells.end(), 0);
     GDALClose(viewshed);
-    const auto stored =
-        visibility_of_block(surface_m, surface_m, cell, 1, 1, {radius_m, 15.24, 180}, 1, observer);
-    const double share = map::visibility_share(stored.at(0, 0));
+    const double share =
+        map::visibility_share(visibility_at(surface_m, cell, flat_earth(radius_m, 15.24, 180)));
     const double gdal_share = static_cast<double>(seen) / static_cast<double>(seen + hidden);
     EXPECT_NEAR(share, gdal_share, 0.02);
     sum += share - gdal_share;
@@ -156,30 +197,273 @@ TEST(Visibility, TurningTheGroundTurnsTheResult) {
       turned.at(69 - row, column) = surface_m.at(column, row);  // a quarter turn to the left
     }
   }
-  const VisibilityOptions options{900.0, 15.24, 180};
+  const VisibilityOptions options = flat_earth(900.0, 15.24, 180);
   const auto stored = visibility_everywhere(surface_m, options);
   const auto stored_turned = visibility_everywhere(turned, options);
+  double sum = 0.0;
   for (int row = 0; row < 70; ++row) {
     for (int column = 0; column < 70; ++column) {
-      // Interpolation weights f and 1 - f swap, so that the last bit of a height may differ.
-      EXPECT_NEAR(stored_turned.at(69 - row, column), stored.at(column, row), 65.0);
+      // Rays may lie a quarter of a cell to another side.
+      const double difference = map::visibility_share(stored_turned.at(69 - row, column)) -
+                                map::visibility_share(stored.at(column, row));
+      EXPECT_NEAR(difference, 0.0, 0.04);
+      sum += std::fabs(difference);
+    }
+  }
+  EXPECT_LE(sum / (70 * 70), 0.003);
+}
+
+TEST(Visibility, KernelAndPlainReferenceGiveTheSameBytes) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> opaque_m = wild_ground(110, 95, seed);
+  const raster::Grid<float> surface_m = raised_here_and_there(opaque_m, seed);
+  for (const std::vector<double>& heights_m : {std::vector<double>{},
+                                               {30.0},
+                                               {0.0, 60.0},
+                                               {60.0, 30.0, 5.0, 150.0, 100.0, 200.0, 15.24}}) {
+    const VisibilityOptions options{1100.0, 15.24, 44, true, 0.13, heights_m};
+    SilentObserver observer;
+    const auto fast = visibility_of_block({opaque_m, surface_m}, {7, 3}, 97, 90, options,
+                                          {1, Simd::kBest}, observer);
+    expect_same(fast, plain_visibility_of_block({opaque_m, surface_m}, {7, 3}, 97, 90, options));
+  }
+}
+
+TEST(Visibility, KernelAndPlainReferenceGiveTheSameBytesWithWeightedGround) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> opaque_m = wild_ground(90, 80, seed);
+  raster::Grid<std::uint8_t> weight(opaque_m.geometry(), 0);
+  std::mt19937 random(seed);
+  for (std::uint8_t& value : weight.values()) {
+    value = static_cast<std::uint8_t>(random() % (kGroundWeightMax + 1));
+  }
+  const VisibilityOptions options{1000.0, 15.24, 52, true, 0.13, {40.0, 90.0, 120.0}};
+  const VisibilityGround ground{opaque_m, opaque_m, &weight};
+  expect_same(layers_everywhere(ground, options),
+              plain_visibility_of_block(ground, {0, 0}, 90, 80, options));
+}
+
+TEST(Visibility, AllInstructionSetsGiveTheSameBytes) {
+  if (!is_available(Simd::kAvx2) || !is_available(Simd::kAvx512)) {
+    GTEST_SKIP() << "this processor has not both AVX2 and AVX-512";
+  }
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> ground_m = wild_ground(230, 140, seed);
+  raster::Grid<std::uint8_t> weight(ground_m.geometry(), kGroundWeightMax / 2);
+  for (const auto* weights : {static_cast<raster::Grid<std::uint8_t>*>(nullptr), &weight}) {
+    const VisibilityGround ground{ground_m, ground_m, weights};
+    for (const std::vector<double>& heights_m :
+         {std::vector<double>{}, {60.0}, {60.0, 90.0}, {30.0, 60.0, 100.0, 150.0}}) {
+      const VisibilityOptions options{1500.0, 15.24, 60, true, 0.13, heights_m};
+      expect_same(layers_everywhere(ground, options, {1, Simd::kAvx512}),
+                  layers_everywhere(ground, options, {1, Simd::kAvx2}));
     }
   }
 }
 
-TEST(Visibility, NeitherThreadsNorTheBlockChangeAByte) {
-  raster::Grid<float> surface_m = hills(190, 150, 30.0, 3);
-  surface_m.at(60, 60) = kNan;
-  const VisibilityOptions options{1500.0, 15.24, 180};
-  const auto one = visibility_everywhere(surface_m, options, 1);
-  EXPECT_EQ(visibility_everywhere(surface_m, options, 2).values(), one.values());
-  EXPECT_EQ(visibility_everywhere(surface_m, options, 7).values(), one.values());
+TEST(Visibility, NeitherThreadsNorBlockNorRasterChangeAByte) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> surface_m = wild_ground(290, 250, seed);
+  const VisibilityOptions options{1500.0, 15.24, 180, true, 0.13, {60.0}};
+  const VisibilityGround ground{surface_m, surface_m};
+  const auto one = layers_everywhere(ground, options, {1, Simd::kBest});
+  expect_same(layers_everywhere(ground, options, {2, Simd::kBest}), one);
+  expect_same(layers_everywhere(ground, options, {7, Simd::kBest}), one);
+
+  // A block, out of the whole raster and out of a smaller one that reaches two cells beyond the
+  // radius.
+  const raster::CellIndex block{87, 71};
+  constexpr int kColumns = 91;
+  constexpr int kRows = 83;
+  constexpr int kHalo = 52;
+  raster::Grid<float> part({surface_m.geometry().west_m + (block.column - kHalo) * 30.0,
+                            surface_m.geometry().south_m + (block.row - kHalo) * 30.0, 30.0,
+                            kColumns + 2 * kHalo, kRows + 2 * kHalo},
+                           0.0F);
+  for (int row = 0; row < part.rows(); ++row) {
+    for (int column = 0; column < part.columns(); ++column) {
+      part.at(column, row) = surface_m.at(block.column - kHalo + column, block.row - kHalo + row);
+    }
+  }
   SilentObserver observer;
-  const auto block =
-      visibility_of_block(surface_m, surface_m, {37, 51}, 91, 33, options, 3, observer);
-  for (int row = 0; row < 33; ++row) {
-    for (int column = 0; column < 91; ++column) {
-      ASSERT_EQ(block.at(column, row), one.at(37 + column, 51 + row));
+  const auto of_whole =
+      visibility_of_block(ground, block, kColumns, kRows, options, {3, Simd::kBest}, observer);
+  const auto of_part = visibility_of_block({part, part}, {kHalo, kHalo}, kColumns, kRows, options,
+                                           {1, Simd::kBest}, observer);
+  expect_same(of_part, of_whole);
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (int row = 0; row < kRows; ++row) {
+      for (int column = 0; column < kColumns; ++column) {
+        ASSERT_EQ(of_whole.shares[i].at(column, row),
+                  one.shares[i].at(block.column + column, block.row + row));
+      }
+    }
+  }
+}
+
+TEST(Visibility, SpansLimitWhatIsComputedAndChangeNothingElse) {
+  const raster::Grid<float> surface_m = wild_ground(150, 120, 5);
+  const VisibilityOptions options{900.0, 15.24, 60, true, 0.13, {50.0}};
+  const auto all = layers_everywhere({surface_m, surface_m}, options);
+  std::vector<ColumnSpan> spans(120);
+  for (int row = 0; row < 120; ++row) {
+    spans[static_cast<std::size_t>(row)] = {std::abs(row - 60), 150 - std::abs(row - 60)};
+  }
+  spans[3] = {9, 9};
+  SilentObserver observer;
+  const auto some = visibility_of_block({surface_m, surface_m}, {0, 0}, 150, 120, options,
+                                        {2, Simd::kBest}, observer, &spans);
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (int row = 0; row < 120; ++row) {
+      for (int column = 0; column < 150; ++column) {
+        const ColumnSpan span = spans[static_cast<std::size_t>(row)];
+        ASSERT_EQ(some.shares[i].at(column, row), column >= span.begin && column < span.end
+                                                      ? all.shares[i].at(column, row)
+                                                      : map::kVisibilityUnknown);
+      }
+    }
+  }
+}
+
+TEST(Visibility, AChangedPatchUpdatesToTheBytesOfAFullRun) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  std::mt19937 random(seed);
+  raster::Grid<float> ground_m = wild_ground(190, 170, seed);
+  raster::Grid<std::uint8_t> weight(ground_m.geometry(), 40);
+  for (const bool is_weighted : {false, true}) {
+    const VisibilityGround ground{ground_m, ground_m, is_weighted ? &weight : nullptr};
+    const VisibilityOptions options{1000.0, 15.24, 60, true, 0.13, {40.0, 100.0}};
+    const raster::CellIndex block{20, 15};
+    SilentObserver observer;
+    auto layers = visibility_of_block(ground, block, 150, 140, options, {1, Simd::kBest}, observer);
+    for (int i = 0; i < 6; ++i) {
+      const CellRectangle patch{
+          static_cast<int>(random() % 200) - 10, static_cast<int>(random() % 180) - 10,
+          1 + static_cast<int>(random() % 32), 1 + static_cast<int>(random() % 32)};
+      for (int row = std::max(patch.row, 0); row < std::min(patch.row + patch.rows, 170); ++row) {
+        for (int column = std::max(patch.column, 0);
+             column < std::min(patch.column + patch.columns, 190); ++column) {
+          ground_m.at(column, row) =
+              random() % 9 == 0 ? kNan : static_cast<float>(random() % 300) - 100.0F;
+        }
+      }
+      update_visibility_of_block(ground, block, patch, options, {2, Simd::kBest}, observer, layers);
+      expect_same(layers, visibility_of_block(ground, block, 150, 140, options, {1, Simd::kBest},
+                                              observer));
+    }
+  }
+}
+
+TEST(Visibility, AGreaterHeightNeverHasASmallerShare) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> surface_m = wild_ground(120, 110, seed);
+  const std::vector<double> heights_m = {30.0, 60.0, 15.3, 100.0, 150.0, 5.0};
+  const auto layers =
+      layers_everywhere({surface_m, surface_m}, {1500.0, 15.24, 60, true, 0.13, heights_m});
+  const std::vector<std::size_t> upwards = {6, 0, 3, 1, 2, 4, 5};  // 5, 15.24, 15.3, 30, ...
+  int greater = 0;
+  for (int row = 0; row < 110; ++row) {
+    for (int column = 0; column < 120; ++column) {
+      for (std::size_t i = 1; i < upwards.size(); ++i) {
+        const std::uint16_t low = layers.shares[upwards[i - 1]].at(column, row);
+        const std::uint16_t high = layers.shares[upwards[i]].at(column, row);
+        ASSERT_GE(high, low) << column << " " << row << " height " << i;
+        greater += high > low ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(greater, 110 * 120);
+}
+
+TEST(Visibility, FurtherHeightsAgreeWithBruteForce) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> surface_m = hills(220, 220, 30.0, seed);
+  const std::vector<double> heights_m = {30.0, 60.0, 100.0, 150.0};
+  const VisibilityOptions options{3000.0, 15.24, 180, true, 0.13, heights_m};
+  std::mt19937 random(seed);
+  std::vector<double> sums(heights_m.size(), 0.0);
+  constexpr int kCells = 20;
+  SilentObserver observer;
+  for (int i = 0; i < kCells; ++i) {
+    const raster::CellIndex cell{static_cast<int>(100 + random() % 20),
+                                 static_cast<int>(100 + random() % 20)};
+    const auto layers = visibility_of_block({surface_m, surface_m}, cell, 1, 1, options,
+                                            {1, Simd::kBest}, observer);
+    for (std::size_t h = 0; h < heights_m.size(); ++h) {
+      sums[h] += std::fabs(
+          map::visibility_share(layers.shares[h + 1].at(0, 0)) -
+          reference_visibility_share({surface_m, surface_m}, cell, heights_m[h], options));
+    }
+  }
+  for (std::size_t h = 0; h < heights_m.size(); ++h) {
+    EXPECT_LE(sums[h] / kCells, 0.004) << heights_m[h] << " m";
+  }
+}
+
+TEST(Visibility, OnASphereTheHorizonEndsWhatIsSeen) {
+  // At 1 m over a smooth sphere the horizon is sqrt(2 R h) = 3570 m away: of a disc of 5000 m half
+  // is seen, 3570^2 / 5000^2 = 0.51; refraction of 0.13 moves it to 3570 / sqrt(0.87) = 3827 m.
+  const raster::Grid<float> level({0.0, 0.0, 50.0, 203, 203}, 0.0F);
+  VisibilityOptions options{5000.0, 1.0, 360, true, 0.0, {}};
+  const double disc_m2 = 5000.0 * 5000.0;
+  EXPECT_NEAR(map::visibility_share(visibility_at(level, {101, 101}, options)),
+              2.0 * 6371000.0 / disc_m2, 0.01);
+  options.refraction = 0.13;
+  EXPECT_NEAR(map::visibility_share(visibility_at(level, {101, 101}, options)),
+              2.0 * 6371000.0 / 0.87 / disc_m2, 0.01);
+  options.is_earth_curved = false;
+  EXPECT_EQ(visibility_at(level, {101, 101}, options), 65534);
+}
+
+TEST(Visibility, GroundWithoutWeightDoesNotSeeButStillHides) {
+  // West of the eye everything counts, east nothing; a wall in the east hides nothing that counts.
+  raster::Grid<float> ground({0.0, 0.0, 30.0, 101, 101}, 0.0F);
+  raster::Grid<std::uint8_t> weight(ground.geometry(), 0);
+  for (int row = 0; row < 101; ++row) {
+    ground.at(60, row) = 500.0F;
+    ground.at(30, row) = 500.0F;
+    for (int column = 0; column < 50; ++column) {
+      weight.at(column, row) = kGroundWeightMax;
+    }
+  }
+  SilentObserver observer;
+  const auto layers =
+      visibility_of_block({ground, ground, &weight}, {50, 50}, 1, 1, flat_earth(1200.0, 10.0, 360),
+                          {1, Simd::kBest}, observer);
+  // Of the western half disc with 40 cells radius, the wall at 20 cells hides the segment beyond.
+  const double hidden = (std::numbers::pi / 3.0 - std::sqrt(3.0) / 4.0) / (std::numbers::pi / 2.0);
+  EXPECT_NEAR(map::visibility_share(layers.shares[0].at(0, 0)), 1.0 - hidden, 0.03);
+}
+
+TEST(Visibility, EvenWeightsChangeAlmostNothing) {
+  const raster::Grid<float> ground = hills(120, 100, 30.0, 17);
+  const raster::Grid<std::uint8_t> half(ground.geometry(), kGroundWeightMax / 2);
+  const VisibilityOptions options = flat_earth(1500.0, 15.24, 100);
+  const auto plain = layers_everywhere({ground, ground}, options).shares[0];
+  const auto weighted = layers_everywhere({ground, ground, &half}, options).shares[0];
+  for (std::size_t i = 0; i < plain.values().size(); ++i) {
+    EXPECT_NEAR(plain.values()[i], weighted.values()[i], 70.0);  // weights rounded to fewer places
+  }
+}
+
+TEST(Visibility, CellsNearUnknownGroundCarryAFlag) {
+  raster::Grid<float> ground({0.0, 0.0, 30.0, 90, 80}, 100.0F);
+  ground.at(45, 40) = kNan;
+  ground.at(20, 60) = kNan;
+  const double radius_m = 500.0;
+  const auto layers = layers_everywhere({ground, ground}, flat_earth(radius_m, 15.24, 16));
+  for (int row = 0; row < 80; ++row) {
+    for (int column = 0; column < 90; ++column) {
+      bool is_partial = false;
+      for (int r = row - 20; r <= row + 20; ++r) {
+        for (int c = column - 20; c <= column + 20; ++c) {
+          const bool is_known =
+              ground.geometry().contains(raster::CellIndex{c, r}) && !std::isnan(ground.at(c, r));
+          is_partial =
+              is_partial || (!is_known && 30.0 * std::hypot(c - column, r - row) <= radius_m);
+        }
+      }
+      ASSERT_EQ(layers.is_partial.at(column, row), is_partial ? 1 : 0) << column << " " << row;
     }
   }
 }
@@ -191,13 +475,13 @@ TEST(Visibility, UnknownCellsNeitherCountNorHide) {
       flat.at(column, row) = kNan;
     }
   }
-  const auto stored = visibility_everywhere(flat, {900.0, 15.24, 64});
+  const auto stored = visibility_everywhere(flat, flat_earth(900.0, 15.24, 64));
   EXPECT_EQ(stored.at(30, 30), 65534);
   EXPECT_EQ(stored.at(45, 30), 65534);
   EXPECT_EQ(stored.at(37, 30), map::kVisibilityUnknown);
   raster::Grid<float> lonely({0.0, 0.0, 30.0, 61, 61}, kNan);
   lonely.at(30, 30) = 5.0F;
-  EXPECT_EQ(visibility_everywhere(lonely, {900.0, 15.24, 64}).at(30, 30), map::kVisibilityUnknown);
+  EXPECT_EQ(visibility_everywhere(lonely, flat_earth(900.0, 15.24, 64)).at(30, 30), map::kVisibilityUnknown);
 }
 
 TEST(Visibility, AgreesWithBruteForceBesideUnknownGroundAndTheBorder) {
@@ -207,7 +491,7 @@ TEST(Visibility, AgreesWithBruteForceBesideUnknownGroundAndTheBorder) {
       surface_m.at(column, row) = kNan;
     }
   }
-  const VisibilityOptions options{1500.0, 15.24, 360};
+  const VisibilityOptions options = flat_earth(1500.0, 15.24, 360);
   const auto stored = visibility_everywhere(surface_m, options, 2);
   double sum = 0.0;
   int count = 0;
@@ -215,7 +499,8 @@ TEST(Visibility, AgreesWithBruteForceBesideUnknownGroundAndTheBorder) {
        {raster::CellIndex{0, 0}, raster::CellIndex{119, 60}, raster::CellIndex{28, 50},
         raster::CellIndex{52, 45}, raster::CellIndex{60, 119}, raster::CellIndex{40, 63}}) {
     const double share = map::visibility_share(stored.at(cell));
-    const double reference = reference_visibility_share(surface_m, surface_m, cell, options);
+    const double reference =
+        reference_visibility_share({surface_m, surface_m}, cell, 15.24, options);
     EXPECT_NEAR(share, reference, 0.012) << cell.column << " " << cell.row;
     sum += std::fabs(share - reference);
     ++count;
@@ -229,11 +514,9 @@ TEST(Visibility, AHigherEyeSeesMoreAndTransparentThingsHideNothing) {
   for (int row = 0; row < 100; ++row) {
     with_line.at(50, row) += 45.0F;
   }
-  const VisibilityOptions options{1200.0, 15.24, 180};
-  SilentObserver observer;
-  const auto plain = visibility_of_block(ground, ground, {0, 0}, 100, 100, options, 2, observer);
-  const auto beside =
-      visibility_of_block(ground, with_line, {0, 0}, 100, 100, options, 2, observer);
+  const VisibilityOptions options = flat_earth(1200.0, 15.24, 180);
+  const auto plain = layers_everywhere({ground, ground}, options).shares[0];
+  const auto beside = layers_everywhere({ground, with_line}, options).shares[0];
   EXPECT_EQ(beside.at(48, 50), plain.at(48, 50));
   EXPECT_EQ(beside.at(52, 20), plain.at(52, 20));
   int higher = 0;
@@ -254,17 +537,27 @@ TEST(Visibility, StopsWhenAsked) {
     std::atomic<int> calls_ = 0;
   } stopper;
   const raster::Grid<float> flat({0.0, 0.0, 30.0, 300, 300}, 1.0F);
-  EXPECT_THROW(visibility_of_block(flat, flat, {0, 0}, 300, 300, {900.0, 15.24, 64}, 2, stopper),
+  EXPECT_THROW(visibility_of_block({flat, flat}, {0, 0}, 300, 300, flat_earth(900.0, 15.24, 64),
+                                   {2, Simd::kBest}, stopper),
                Interrupted);
 }
 
 TEST(Visibility, RefusesOptionsThatMakeNoSense) {
   const raster::Grid<float> flat({0.0, 0.0, 30.0, 30, 30}, 1.0F);
-  EXPECT_THROW(visibility_everywhere(flat, {900.0, 15.24, 63}), std::invalid_argument);
-  EXPECT_THROW(visibility_everywhere(flat, {10.0, 15.24, 64}), std::invalid_argument);
-  EXPECT_THROW(visibility_everywhere(flat, {900.0, -1.0, 64}), std::invalid_argument);
+  EXPECT_THROW(visibility_everywhere(flat, flat_earth(900.0, 15.24, 63)), std::invalid_argument);
+  EXPECT_THROW(visibility_everywhere(flat, flat_earth(10.0, 15.24, 64)), std::invalid_argument);
+  EXPECT_THROW(visibility_everywhere(flat, flat_earth(900.0, -1.0, 64)), std::invalid_argument);
+  EXPECT_THROW(visibility_everywhere(flat, {900.0, 15.24, 64, true, 1.5, {}}),
+               std::invalid_argument);
+  EXPECT_THROW(visibility_everywhere(flat, {900.0, 15.24, 64, true, 0.1, {-3.0}}),
+               std::invalid_argument);
   SilentObserver observer;
-  EXPECT_THROW(visibility_of_block(flat, flat, {1, 1}, 30, 30, {900.0, 15.24, 64}, 1, observer),
+  EXPECT_THROW(visibility_of_block({flat, flat}, {1, 1}, 30, 30, flat_earth(900.0, 15.24, 64),
+                                   {1, Simd::kBest}, observer),
+               std::invalid_argument);
+  const std::vector<ColumnSpan> spans(29);
+  EXPECT_THROW(visibility_of_block({flat, flat}, {0, 0}, 30, 30, flat_earth(900.0, 15.24, 64),
+                                   {1, Simd::kBest}, observer, &spans),
                std::invalid_argument);
 }
 
