@@ -102,7 +102,8 @@ std::vector<std::vector<std::size_t>> groups_of(const std::vector<GeometryPointe
 }  // namespace
 
 Settlements settlements_of(const std::vector<const OGRGeometry*>& built_up,
-                           const SettlementOptions& options, Observer& observer) {
+                           const SettlementOptions& options, double tolerance_m,
+                           Observer& observer) {
   std::vector<GeometryPointer> pieces;
   for (std::size_t i = 0; i < built_up.size(); ++i) {
     if (i % 64 == 0) {
@@ -133,8 +134,10 @@ Settlements settlements_of(const std::vector<const OGRGeometry*>& built_up,
     if (!shrunk || shrunk->IsEmpty()) {
       continue;
     }
+    // Growing and shrinking round every corner; the rings would pay for each vertex.
+    const GeometryPointer simple(shrunk->SimplifyPreserveTopology(tolerance_m));
     OGRMultiPolygon parts;
-    add_polygons(*shrunk, parts);
+    add_polygons(simple && !simple->IsEmpty() ? *simple : *shrunk, parts);
     for (const OGRPolygon* polygon : parts) {
       auto& target =
           polygon->get_Area() <= options.village_area_max_m2 ? result.villages : result.settlements;

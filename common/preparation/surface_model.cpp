@@ -13,6 +13,7 @@ using map::SemanticClass;
 using map_sources::ObjectClass;
 
 constexpr char kStage[] = "surface";
+constexpr double kSettlementTolerance = 0.02;  // of a cell
 
 float rounded_up(double value_m) { return static_cast<float>(std::ceil(value_m * 64.0) / 64.0); }
 
@@ -260,28 +261,34 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
   }
   observer.progress(kStage, 1.0, 1.0);
 
-  const Settlements settlements = settlements_of(built_up, options.settlements, observer);
+  const Settlements settlements =
+      settlements_of(built_up, options.settlements, kSettlementTolerance * g.cell_m, observer);
   model.village_count = static_cast<std::int64_t>(settlements.villages.size());
   model.settlement_count = static_cast<std::int64_t>(settlements.settlements.size());
-  const auto burn_ring = [&](const std::vector<GeometryPointer>& pieces, double distance_m,
-                             SemanticClass value) {
-    const std::vector<GeometryPointer> rings =
-        distance_m > 0.0 ? grown(pieces, distance_m, observer) : std::vector<GeometryPointer>();
+  const auto burn_pieces = [&](const std::vector<GeometryPointer>& pieces, SemanticClass value) {
     std::vector<const OGRGeometry*> pointers;
-    for (const GeometryPointer& piece : distance_m > 0.0 ? rings : pieces) {
+    for (const GeometryPointer& piece : pieces) {
       pointers.push_back(piece.get());
     }
     burn_bit(model.semantics, pointers, bit_of(value), Touch::kAny, observer);
   };
+  // The wider ring grows out of the narrower one, which has fewer corners than the pieces.
+  const auto burn_rings = [&](const std::vector<GeometryPointer>& pieces, double adequate_m,
+                              double desired_m, SemanticClass adequate, SemanticClass desired) {
+    const std::vector<GeometryPointer> inner = grown(pieces, adequate_m, observer);
+    burn_pieces(inner, adequate);
+    burn_pieces(desired_m > adequate_m ? grown(inner, desired_m - adequate_m, observer)
+                                       : grown(pieces, desired_m, observer),
+                desired);
+  };
   const SettlementOptions& distances = options.settlements;
-  burn_ring(settlements.villages, 0.0, SemanticClass::kVillage);
-  burn_ring(settlements.villages, distances.village_adequate_m, SemanticClass::kVillageAdequate);
-  burn_ring(settlements.villages, distances.village_desired_m, SemanticClass::kVillageDesired);
-  burn_ring(settlements.settlements, 0.0, SemanticClass::kSettlement);
-  burn_ring(settlements.settlements, distances.settlement_adequate_m,
-            SemanticClass::kSettlementAdequate);
-  burn_ring(settlements.settlements, distances.settlement_desired_m,
-            SemanticClass::kSettlementDesired);
+  burn_pieces(settlements.villages, SemanticClass::kVillage);
+  burn_rings(settlements.villages, distances.village_adequate_m, distances.village_desired_m,
+             SemanticClass::kVillageAdequate, SemanticClass::kVillageDesired);
+  burn_pieces(settlements.settlements, SemanticClass::kSettlement);
+  burn_rings(settlements.settlements, distances.settlement_adequate_m,
+             distances.settlement_desired_m, SemanticClass::kSettlementAdequate,
+             SemanticClass::kSettlementDesired);
 
   raster::Grid<std::uint16_t> mapped(g, 0);
   std::vector<GeometryPointer> boxes;
