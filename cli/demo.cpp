@@ -8,6 +8,7 @@
 #include "base/shipped_config.hpp"
 #include "bus/private_url.hpp"
 #include "map/map_bundle.hpp"
+#include "map/source_layer.hpp"
 #include "map_sources/synthetic_region.hpp"
 #include "output/figures.hpp"
 #include "output/plan_bundle.hpp"
@@ -46,6 +47,7 @@ map::Map prepare_region(const map_sources::SyntheticRegion& region,
   preparation::PreparedMap prepared = preparation::prepare(request, options, observer);
   std::filesystem::create_directory(folder);
   map::write_map_bundle(prepared.map, prepared.provenance_json, folder);
+  map::write_source_layer(prepared.map, prepared.sources, folder);
   return std::move(prepared.map);
 }
 

@@ -30,8 +30,8 @@ void add_info_verb(CLI::App& app, Console& console) {
       std::string text;
       if (!arguments->at.empty()) {
         const geo::GeodeticPosition position = parse_request_point(arguments->at, "--at").position;
-        text = console.is_json ? map::place_description_json(map, position)
-                               : map::place_description_text(map, position);
+        text = console.is_json ? map::place_description_json(map, position, arguments->map)
+                               : map::place_description_text(map, position, arguments->map);
       } else {
         const std::string manifest = map::read_map_manifest(arguments->map);
         text = console.is_json ? map::map_description_json(map, manifest)

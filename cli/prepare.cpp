@@ -11,6 +11,7 @@
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
 #include "map/map_bundle.hpp"
+#include "map/source_layer.hpp"
 #include "plan_result.hpp"
 #include "verbs.hpp"
 
@@ -102,6 +103,7 @@ ExitCode run(const Console& console, const PrepareArguments& arguments) {
   observer->check_stop();
   observer->progress("writing the map", 0.0, 1.0);
   map::write_map_bundle(prepared.map, prepared.provenance_json, folder.path(), observer.get());
+  map::write_source_layer(prepared.map, prepared.sources, folder.path());
   observer->progress("writing the map", 1.0, 1.0);
   observer->check_stop();
   folder.commit();

@@ -8,6 +8,8 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "map/map_bundle.hpp"
+#include "map/source_layer.hpp"
 
 namespace hedgehop::map {
 namespace {
@@ -117,6 +119,27 @@ Place place_of(const Map& map, const geo::GeodeticPosition& position) {
   return place;
 }
 
+std::string elevation_source_of(const CellSource& source, const Json& manifest) {
+  if (source.elevation == 0) {
+    return "unknown";
+  }
+  if (source.elevation == CellSource::kFilled) {
+    return "filled in from neighbouring cells";
+  }
+  int number = 0;
+  const auto inputs = manifest.find("inputs");
+  if (inputs != manifest.end() && inputs->is_array()) {
+    for (const Json& input : *inputs) {
+      if (input.is_object() && text_at(input, "kind") == "elevation" &&
+          ++number == source.elevation) {
+        return text_at(input, "name") + " (" + text_at(input, "used_as") + ", " +
+               text_at(input, "vertical_datum") + ")";
+      }
+    }
+  }
+  return "elevation file " + std::to_string(source.elevation);
+}
+
 }  // namespace
 
 std::string map_description_json(const Map& map, const std::string& manifest_json) {
@@ -155,6 +178,9 @@ std::string map_description_text(const Map& map, const std::string& manifest_jso
     line("terrain", heights.str());
   }
   line("without elevation", percent(statistics["void_share"]));
+  if (manifest.contains("filled_void_count")) {
+    line("filled-in cells", text_at(manifest, "filled_void_count"));
+  }
   if (statistics.contains("mean_visibility")) {
     std::ostringstream visibility;
     visibility << percent(statistics["mean_visibility"]) << " of the ground within "
@@ -182,6 +208,12 @@ std::string map_description_text(const Map& map, const std::string& manifest_jso
       if (input.is_object()) {
         line("made from", text_at(input, "name") + " (" + text_at(input, "kind") + ", " +
                               text_at(input, "bytes") + " bytes)");
+        line("  sha-256", text_at(input, "sha256"));
+        if (input.contains("used_as")) {
+          line("  used as", text_at(input, "used_as") + " (" + text_at(input, "used_as_from") +
+                                "), heights in " + text_at(input, "vertical_datum") + " (" +
+                                text_at(input, "vertical_datum_from") + ")");
+        }
       }
     }
   }
@@ -192,7 +224,8 @@ std::string map_description_text(const Map& map, const std::string& manifest_jso
   return text.str();
 }
 
-std::string place_description_json(const Map& map, const geo::GeodeticPosition& position) {
+std::string place_description_json(const Map& map, const geo::GeodeticPosition& position,
+                                   const std::filesystem::path& folder) {
   const Place place = place_of(map, position);
   const double terrain_m = static_cast<double>(map.terrain_m.at(place.cell));
   const double surface_m = static_cast<double>(map.surface_m.at(place.cell));
@@ -218,11 +251,18 @@ std::string place_description_json(const Map& map, const geo::GeodeticPosition& 
   result["classes"] = std::move(classes);
   result["visibility"] = number_or_null(visibility_share(map.visibility.at(place.cell)), 1e-6);
   result["reference_height_m"] = map.reference_height_m;
-  return result.dump(2);
+  const auto source = folder.empty() ? std::nullopt : read_cell_source(map, folder, place.cell);
+  if (source) {
+    const Json manifest = parsed(read_map_manifest(folder));
+    result["elevation_from"] = elevation_source_of(*source, manifest);
+    result["height_from"] = words_of(source->origin);
+  }
+  return result.dump(2, ' ', false, Json::error_handler_t::replace);
 }
 
-std::string place_description_text(const Map& map, const geo::GeodeticPosition& position) {
-  const Json place = Json::parse(place_description_json(map, position));
+std::string place_description_text(const Map& map, const geo::GeodeticPosition& position,
+                                   const std::filesystem::path& folder) {
+  const Json place = Json::parse(place_description_json(map, position, folder));
   std::ostringstream text;
   const auto line = [&](const char* what, const std::string& value) {
     text << std::left << std::setw(24) << what << value << "\n";
@@ -240,6 +280,10 @@ std::string place_description_text(const Map& map, const geo::GeodeticPosition& 
   line("terrain", metres("terrain_m"));
   line("surface",
        metres("surface_m") + " (" + metres("surface_above_terrain_m") + " above the terrain)");
+  if (place.contains("elevation_from")) {
+    line("elevation from", place["elevation_from"].get<std::string>());
+    line("height from", place["height_from"].get<std::string>());
+  }
   std::string classes;
   for (const Json& name : place["classes"]) {
     classes += (classes.empty() ? "" : ", ") + name.get<std::string>();

@@ -17,8 +17,12 @@ std::string map_description_json(const Map& map, const std::string& manifest_jso
 
 /// What the map says about the cell that holds a place: elevations, height of what stands there,
 /// semantic classes, visibility; NaN of a layer is null in JSON and "unknown" in text.
+/// With the bundle's folder also where those heights come from: the elevation file, and whether the
+/// height of what stands there is stated, counted by storeys or guessed.
 /// Throws DataError if the place lies outside the map or the map has no coordinate system.
-std::string place_description_text(const Map& map, const geo::GeodeticPosition& position);
-std::string place_description_json(const Map& map, const geo::GeodeticPosition& position);
+std::string place_description_text(const Map& map, const geo::GeodeticPosition& position,
+                                   const std::filesystem::path& folder = {});
+std::string place_description_json(const Map& map, const geo::GeodeticPosition& position,
+                                   const std::filesystem::path& folder = {});
 
 }  // namespace hedgehop::map

@@ -427,7 +427,11 @@ void copy_samples(const OpenFile& file, std::size_t number, Samples& samples, Ob
   const int count = last_column - first_column;
   std::vector<double> line(static_cast<std::size_t>(count));
   GdalErrors errors;
-  for (int row = first_row; row < last_row; ++row) {
+  // GDAL finds a line of a text grid by those before it, and tries them over and over, in time that
+  // doubles with each, when one is damaged: so they are read from the first on.
+  const bool is_text = file.facts.format == "AAIGrid" || file.facts.format == "GRASSASCIIGrid" ||
+                       file.facts.format == "ISG";
+  for (int row = is_text ? 0 : first_row; row < last_row; ++row) {
     if (row % 16 == 0) {
       observer.check_stop();
     }
@@ -435,6 +439,9 @@ void copy_samples(const OpenFile& file, std::size_t number, Samples& samples, Ob
                                                  count, 1, GDT_Float64, 0, 0, nullptr) != CE_None) {
       throw DataError(file.path.string() + ": cannot be read: " + errors.first(),
                       "the file may be damaged or cut off; fetch it again");
+    }
+    if (row < first_row) {
+      continue;
     }
     const std::size_t begin =
         static_cast<std::size_t>(top + row) * static_cast<std::size_t>(samples.columns) +

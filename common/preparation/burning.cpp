@@ -114,10 +114,16 @@ GeometryPointer geometry_of(const map_sources::MapLine& vertices) {
 }
 
 void burn_greatest(raster::Grid<float>& grid, std::vector<BurnItem> items, Touch touch,
-                   Observer& observer) {
+                   Observer& observer, raster::Grid<std::uint8_t>* marks) {
   std::stable_sort(items.begin(), items.end(),
                    [](const BurnItem& a, const BurnItem& b) { return a.value < b.value; });
   burn(grid, items, touch, observer);
+  if (marks != nullptr) {
+    for (BurnItem& item : items) {
+      item.value = item.mark;
+    }
+    burn(*marks, items, touch, observer);
+  }
 }
 
 void burn_bit(raster::Grid<std::uint16_t>& grid, const std::vector<const OGRGeometry*>& geometries,

@@ -24,6 +24,7 @@ GeometryPointer geometry_of(const map_sources::MapLine& vertices);
 struct BurnItem {
   const OGRGeometry* geometry = nullptr;
   double value = 0.0;
+  std::uint8_t mark = 0;  // what kind of value it is
 };
 
 enum class Touch {
@@ -32,9 +33,9 @@ enum class Touch {
 };
 
 /// Writes each item's value into the cells of its geometry; where items overlap, the greatest wins.
-/// Throws Interrupted.
+/// `marks`, if there is such a grid, gets the marks of the same items. Throws Interrupted.
 void burn_greatest(raster::Grid<float>& grid, std::vector<BurnItem> items, Touch touch,
-                   Observer& observer);
+                   Observer& observer, raster::Grid<std::uint8_t>* marks = nullptr);
 
 /// Sets `bit` in every cell of the geometries.
 void burn_bit(raster::Grid<std::uint16_t>& grid, const std::vector<const OGRGeometry*>& geometries,

@@ -10,6 +10,7 @@
 #include "base/elementary.hpp"
 #include "base/errors.hpp"
 #include "base/hash.hpp"
+#include "map/source_layer.hpp"
 #include "map_sources/elevation_source.hpp"
 #include "map_sources/land_use_source.hpp"
 #include "preparation/surface_model.hpp"
@@ -243,7 +244,8 @@ Json json_of(const PrepareOptions& o, double cell_m) {
             {"village_adequate_m", o.settlements.village_adequate_m},
             {"village_desired_m", o.settlements.village_desired_m},
             {"settlement_adequate_m", o.settlements.settlement_adequate_m},
-            {"settlement_desired_m", o.settlements.settlement_desired_m}}},
+            {"settlement_desired_m", o.settlements.settlement_desired_m},
+            {"visibility_min", o.settlements.visibility_min}}},
           {"visibility",
            {{"radius_m", o.visibility.radius_m},
             {"reference_height_m", o.visibility.reference_height_m},
@@ -263,6 +265,36 @@ void check_text(const std::string& text, const char* what) {
       Json(text).dump(-1, ' ', false, Json::error_handler_t::ignore)) {
     throw UsageError(std::string(what) + " is not valid UTF-8 text");
   }
+}
+
+// People look up wherever they live, so the ground alone tells too little there.
+void show_built_up_cells(double visibility_min, map::Map& map) {
+  const auto least =
+      static_cast<std::uint16_t>(std::lround(visibility_min * map::kVisibilityScale));
+  const auto built_up = static_cast<std::uint16_t>(map::SemanticClass::kBuiltUpArea) |
+                        static_cast<std::uint16_t>(map::SemanticClass::kVillage) |
+                        static_cast<std::uint16_t>(map::SemanticClass::kSettlement);
+  for (std::size_t i = 0; i < map.visibility.values().size(); ++i) {
+    std::uint16_t& stored = map.visibility.values()[i];
+    if ((map.semantics.values()[i] & built_up) != 0 && stored != map::kVisibilityUnknown) {
+      stored = std::max(stored, least);
+    }
+  }
+}
+
+raster::Grid<std::uint16_t> packed_sources(const raster::Grid<std::uint16_t>& elevation,
+                                           const raster::Grid<std::uint8_t>& height_origin) {
+  raster::Grid<std::uint16_t> result(elevation.geometry(), 0);
+  for (std::size_t i = 0; i < result.values().size(); ++i) {
+    const std::uint16_t number = elevation.values()[i];
+    map::CellSource source;
+    source.elevation = number == map_sources::ElevationLayers::kFilled
+                           ? map::CellSource::kFilled
+                           : std::min<int>(number, map::CellSource::kLater);
+    source.origin = static_cast<map::HeightOrigin>(height_origin.values()[i]);
+    result.values()[i] = map::packed(source);
+  }
+  return result;
 }
 
 }  // namespace
@@ -434,6 +466,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
       {model.opaque_m, model.surface_m}, corner, map.geometry.columns, map.geometry.rows,
       options.visibility, {request.threads, Simd::kBest}, observer);
   map.visibility = std::move(visibility.shares.front());
+  show_built_up_cells(options.settlements.visibility_min, map);
+  result.sources = packed_sources(sources, cut_out(model.height_origin, map.geometry, corner));
   map.hash = map::map_hash(map);
   map::validate(map);
 
@@ -473,6 +507,11 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
       "bilinear at the cell's centre, exact transformer; surface starts from the terrain raised so "
       "that no source sample lies above its cell or above the bilinear surface";
   provenance["filled_void_count"] = filled_count;
+  provenance["source_layer"] =
+      "sources.tif: uint16, number of the elevation file among inputs + 4096 x origin of the "
+      "surface "
+      "(0 elevation, 1 stated height, 2 storeys, 3 default of the class, 4 wire or thin obstacle); "
+      "0 unknown, 4095 filled in";
   Json cells_of_files = Json::array();
   for (std::size_t i = 0; i < elevation.files().size(); ++i) {
     cells_of_files.push_back({{"name", elevation.files()[i].name},

@@ -37,6 +37,8 @@ struct SettlementOptions {
   double village_desired_m = 0.0;
   double settlement_adequate_m = 0.0;
   double settlement_desired_m = 0.0;
+  /// Visibility that built-up cells have at least, whatever the ground sees of them: people do.
+  double visibility_min = 0.0;
 };
 
 /// What config/prepare.yaml holds.
@@ -71,7 +73,8 @@ struct PrepareRequest {
 
 struct PreparedMap {
   map::Map map;
-  std::string provenance_json;  // for map::write_map_bundle
+  raster::Grid<std::uint16_t> sources;  // for map::write_source_layer
+  std::string provenance_json;          // for map::write_map_bundle
 };
 
 /// Makes a map out of elevation and land-use files.

@@ -49,6 +49,7 @@ PrepareOptions PrepareOptions::read(ConfigReader& reader) {
   options.settlements.village_desired_m = distance_m("village_desired_m");
   options.settlements.settlement_adequate_m = distance_m("settlement_adequate_m");
   options.settlements.settlement_desired_m = distance_m("settlement_desired_m");
+  options.settlements.visibility_min = within(settlements, "visibility_min", 0.0, 1.0);
   settlements.finish();
 
   ConfigReader visibility = reader.required_section("visibility");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "map/source_layer.hpp"
 #include "preparation/burning.hpp"
 #include "preparation/settlements.hpp"
 
@@ -193,16 +194,19 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
     double height_m = default_m.value_or(default_height_m(object_class, options.default_heights));
     HeightCounts& counts = model.heights[static_cast<std::size_t>(object_class)];
     if (object_class != ObjectClass::kWater) {
+      auto origin = map::HeightOrigin::kClassDefault;
       if (tagged_m) {
         height_m = *tagged_m;
+        origin = map::HeightOrigin::kStated;
         ++counts.tagged;
       } else if (levels && object_class == ObjectClass::kBuilding) {
         height_m = *levels * options.default_heights.building_level_m;
+        origin = map::HeightOrigin::kStoreys;
         ++counts.from_levels;
       } else {
         ++counts.guessed;
       }
-      obstacles.push_back({geometry.get(), height_m});
+      obstacles.push_back({geometry.get(), height_m, static_cast<std::uint8_t>(origin)});
       if (object_class == ObjectClass::kStructure) {
         thin_obstacles.push_back(obstacles.back());
       }
@@ -224,14 +228,17 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
 
   observer.progress(kStage, 0.0, 1.0);
   raster::Grid<float> offset_m(g, 0.0F);
-  burn_greatest(offset_m, obstacles, Touch::kAny, observer);
+  model.height_origin = raster::Grid<std::uint8_t>(g, 0);
+  burn_greatest(offset_m, obstacles, Touch::kAny, observer, &model.height_origin);
   if (std::any_of(is_surface.values().begin(), is_surface.values().end(),
                   [](std::uint8_t value) { return value != 0; })) {
     raster::Grid<float> thin_m(g, 0.0F);
-    burn_greatest(thin_m, thin_obstacles, Touch::kAny, observer);
+    raster::Grid<std::uint8_t> thin_origin(g, 0);
+    burn_greatest(thin_m, thin_obstacles, Touch::kAny, observer, &thin_origin);
     for (std::size_t i = 0; i < g.cell_count(); ++i) {
       if (is_surface.values()[i] != 0) {
         offset_m.values()[i] = thin_m.values()[i];
+        model.height_origin.values()[i] = thin_origin.values()[i];
       }
     }
   }
@@ -258,6 +265,11 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
     }
     raise_along_line(line, upper_terrain_m, model);
     model.power_lines.push_back(std::move(line));
+  }
+  for (std::size_t i = 0; i < g.cell_count(); ++i) {
+    if (model.surface_m.values()[i] > model.opaque_m.values()[i]) {
+      model.height_origin.values()[i] = static_cast<std::uint8_t>(map::HeightOrigin::kThin);
+    }
   }
   observer.progress(kStage, 1.0, 1.0);
 

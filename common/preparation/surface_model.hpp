@@ -22,6 +22,7 @@ struct SurfaceModel {
   raster::Grid<float> surface_m;  // everything that must be flown over
   raster::Grid<float> opaque_m;   // the same without power lines: what hides from view
   raster::Grid<std::uint16_t> semantics;
+  raster::Grid<std::uint8_t> height_origin;  // map::HeightOrigin of surface_m
   std::vector<map::PowerLine> power_lines;
   std::array<HeightCounts, map_sources::kObjectClassCount> heights;  // by ObjectClass
   HeightCounts support_heights;

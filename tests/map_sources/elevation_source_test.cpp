@@ -480,6 +480,24 @@ TEST_F(ElevationFiles, FormatsOfOneRasterGiveOneTerrain) {
               HasSubstr("no coordinate system"));
 }
 
+TEST_F(ElevationFiles, ATextGridThatIsDamagedAboveTheRegionIsRefusedAtOnce) {
+  std::ofstream file(path("cut.asc"));
+  file << "ncols 100\nnrows 90\nxllcorner 500000\nyllcorner 5538000\ncellsize 30\n";
+  for (int row = 0; row < 40; ++row) {
+    for (int column = 0; column < (row == 20 ? 97 : 100); ++column) {
+      file << " 300";
+    }
+    file << "\n";
+  }
+  file.close();
+  EXPECT_THAT(refusal_of([&] {
+                (void)layers_of(
+                    {ElevationInput::parse(path("cut.asc").string() + ":crs=EPSG:32632")},
+                    {500600.0, 5538300.0, 30.0, 20, 20});
+              }),
+              HasSubstr("cannot be read"));
+}
+
 TEST_F(ElevationFiles, AVirtualMosaicThatPointsElsewhereIsRefused) {
   const auto vrt = [&](const std::string& target) {
     write_bytes(path("m.vrt"),

@@ -13,6 +13,7 @@
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
 #include "map/map_bundle.hpp"
+#include "map/source_layer.hpp"
 #include "support/elevation_files.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -307,8 +308,9 @@ TEST_F(Prepare, SameFilesGiveTheSameBundleWhateverTheThreads) {
         prepared({{dem}, {path("a.osm")}, sheet_, {}, "", "LABEL", {"(c) surveyor"}, threads});
     const test::TemporaryFolder bundle;
     map::write_map_bundle(result.map, result.provenance_json, bundle.path());
+    map::write_source_layer(result.map, result.sources, bundle.path());
     for (const char* name : {"manifest.json", "terrain.tif", "surface.tif", "semantics.tif",
-                             "visibility.tif", "features.gpkg"}) {
+                             "visibility.tif", "features.gpkg", "sources.tif"}) {
       bytes[threads == 1 ? 0 : 1] += read_file(bundle.path() / name);
     }
     EXPECT_EQ(map::read_map_bundle(bundle.path()).hash, result.map.hash);
@@ -377,6 +379,109 @@ TEST_F(Prepare, PartlyMissingElevationIsSaidAndStaysUnknown) {
   EXPECT_TRUE(std::isnan(result.map.terrain_m.at(cell(result.map, 501000, 5538630))));
   EXPECT_EQ(result.map.visibility.at(cell(result.map, 501000, 5538630)), map::kVisibilityUnknown);
   EXPECT_THAT(listener_.notes, HasSubstr("has no elevation"));
+}
+
+TEST_F(Prepare, OffsetsAreNotAddedToASurfaceThatHoldsThem) {
+  const double y = 5538630.0;
+  Drawing drawing;
+  drawing.rectangle(500300, y, 500900, y + 600, tag("landuse", "forest") + tag("height", "30"));
+  drawing.rectangle(499403, y - 302, 499407, y - 298, tag("building", "yes"));
+  drawing.node(499100, y + 5, tag("man_made", "mast") + tag("height", "70"));
+  const int a = drawing.node(498900, y - 900);
+  const int b = drawing.node(499800, y - 900);
+  drawing.way({a, b}, tag("power", "line") + tag("height", "40"));
+  drawing.write(path("a.osm"), sheet_);
+  const fs::path dem = elevation([](double, double) { return 400.0; });
+  for (const bool is_surface : {false, true}) {
+    PrepareRequest request{{dem}, {path("a.osm")}, sheet_, {}, "", "", {}, 1};
+    request.dem_files[0].kind =
+        is_surface ? map_sources::ElevationKind::kSurface : map_sources::ElevationKind::kTerrain;
+    const PreparedMap result = prepared(request);
+    EXPECT_EQ(above_terrain_m(result.map, 500600, y + 300), is_surface ? 0.0 : 30.0);
+    EXPECT_EQ(above_terrain_m(result.map, 499405, y - 300),
+              is_surface ? 0.0 : options_.default_heights.building_m);
+    EXPECT_TRUE(has(result.map, cell(result.map, 500600, y + 300), SemanticClass::kForest));
+    EXPECT_GE(above_terrain_m(result.map, 499100, y + 5), 70.0);  // too thin to be in any surface
+    EXPECT_GE(above_terrain_m(result.map, 499350, y - 900), 40.0);
+    const auto origin = [&](double x_m, double y_m) {
+      return map::unpacked_source(result.sources.at(cell(result.map, x_m, y_m))).origin;
+    };
+    EXPECT_EQ(origin(500600, y + 300),
+              is_surface ? map::HeightOrigin::kElevation : map::HeightOrigin::kStated);
+    EXPECT_EQ(origin(499405, y - 300),
+              is_surface ? map::HeightOrigin::kElevation : map::HeightOrigin::kClassDefault);
+    EXPECT_EQ(origin(499350, y - 900), map::HeightOrigin::kThin);
+    EXPECT_EQ(map::unpacked_source(result.sources.at(0, 0)).elevation, 1);
+    const auto provenance = nlohmann::json::parse(result.provenance_json);
+    EXPECT_EQ(provenance["inputs"][0]["used_as"], is_surface ? "surface" : "terrain");
+    EXPECT_EQ(provenance["inputs"][0]["used_as_from"], "command line");
+  }
+}
+
+TEST_F(Prepare, BuiltUpCellsHaveAtLeastTheVisibilityThatTheSwitchGives) {
+  const double y = 5538630.0;
+  Drawing drawing;
+  drawing.rectangle(499400, y - 300, 499680, y + 300, tag("landuse", "residential"));
+  drawing.write(path("a.osm"), sheet_);
+  const PrepareRequest request{
+      {elevation([](double x, double) { return 400.0 + 60.0 * std::sin(x / 150.0); })},
+      {path("a.osm")},
+      sheet_,
+      {},
+      "",
+      "",
+      {},
+      1};
+  const map::Map plain = prepared(request).map;
+  options_.settlements.visibility_min = 0.9;
+  const map::Map shown = prepared(request).map;
+  int raised = 0;
+  for (std::size_t i = 0; i < plain.visibility.values().size(); ++i) {
+    const std::uint16_t bits = shown.semantics.values()[i];
+    const bool is_built_up =
+        (bits & static_cast<std::uint16_t>(SemanticClass::kBuiltUpArea)) != 0 ||
+        (bits & static_cast<std::uint16_t>(SemanticClass::kVillage)) != 0;
+    const double before = map::visibility_share(plain.visibility.values()[i]);
+    const double after = map::visibility_share(shown.visibility.values()[i]);
+    ASSERT_NEAR(after, is_built_up ? std::max(before, 0.9) : before, 1e-5);
+    raised += after > before ? 1 : 0;
+  }
+  EXPECT_GT(raised, 100);
+}
+
+TEST_F(Prepare, VectorsThroughAMappingGiveTheMapOfTheSameOsmFile) {
+  // One forest and one line, drawn once as OpenStreetMap and once as GeoJSON in the map's frame.
+  const double y = 5538637.0;  // off the edges of cells
+  Drawing drawing;
+  drawing.rectangle(500300, y, 500900, y + 600, tag("landuse", "forest") + tag("height", "30"));
+  drawing.write(path("a.osm"), sheet_);
+  std::ofstream(path("a.geojson"))
+      << R"({"type":"FeatureCollection","crs":{"type":"name","properties":{"name":"EPSG:32632"}},)"
+      << R"("features":[{"type":"Feature","properties":{"h":"98' 5.1\""},"geometry":)"
+      << R"({"type":"Polygon","coordinates":[[[500300,5538637],[500900,5538637],)"
+      << R"([500900,5539237],[500300,5539237],[500300,5538637]]]}}]})";
+  const fs::path dem = elevation([](double, double) { return 400.0; });
+  const map::Map osm = prepared({{dem}, {path("a.osm")}, sheet_, {}, "", "", {}, 1}).map;
+  PrepareRequest request{{dem}, {}, sheet_, {}, "", "", {}, 1};
+  request.vectors.push_back(
+      {path("a.geojson"),
+       map_sources::VectorMapping::read(
+           "attribution: (c) surveyor\ncoverage_layers: [a]\nrules:\n  - {layer: "
+           "a, class: forest, height_attribute: h, height_unit: ft}\n",
+           "m.yaml")});
+  const PreparedMap vectors = prepared(request);
+  int forest = 0;
+  for (std::size_t i = 0; i < osm.surface_m.values().size(); ++i) {
+    // 98 ft 5.1 in = 29.9999 m, rounded up to 1/64 m as 30 m are.
+    ASSERT_EQ(vectors.map.surface_m.values()[i], osm.surface_m.values()[i]);
+    forest += osm.surface_m.values()[i] > 400.0F ? 1 : 0;
+  }
+  EXPECT_GT(forest, 350);
+  EXPECT_THAT(vectors.map.attributions, testing::Contains("(c) surveyor"));
+  const auto provenance = nlohmann::json::parse(vectors.provenance_json);
+  EXPECT_EQ(provenance["vector_sources"][0]["rules"][0]["objects"], 1);
+  EXPECT_EQ(provenance["inputs"][2]["kind"], "mapping");
+  EXPECT_EQ(provenance["guessed_height_share"], 0.0);
 }
 
 TEST_F(Prepare, StopsInWhateverStageItIs) {

@@ -481,7 +481,8 @@ TEST(Visibility, UnknownCellsNeitherCountNorHide) {
   EXPECT_EQ(stored.at(37, 30), map::kVisibilityUnknown);
   raster::Grid<float> lonely({0.0, 0.0, 30.0, 61, 61}, kNan);
   lonely.at(30, 30) = 5.0F;
-  EXPECT_EQ(visibility_everywhere(lonely, flat_earth(900.0, 15.24, 64)).at(30, 30), map::kVisibilityUnknown);
+  EXPECT_EQ(visibility_everywhere(lonely, flat_earth(900.0, 15.24, 64)).at(30, 30),
+            map::kVisibilityUnknown);
 }
 
 TEST(Visibility, AgreesWithBruteForceBesideUnknownGroundAndTheBorder) {
