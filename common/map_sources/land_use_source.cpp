@@ -31,7 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kStage[] = "land use";
-constexpr std::size_t kNamedRelationsMax = 10;
+constexpr std::size_t kNamedRelationsMax = 1000;
 
 bool is_one_of(const char* value, std::initializer_list<std::string_view> words) {
   return value != nullptr && std::find(words.begin(), words.end(), value) != words.end();

@@ -436,17 +436,17 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
     }
     if (land_use.incomplete_relation_count > 0) {
       std::string ids;
-      for (const std::int64_t id : land_use.incomplete_relation_ids) {
-        ids += (ids.empty() ? "" : ", ") + std::to_string(id);
+      constexpr std::size_t kNamedMax = 10;  // all of them stand in the manifest
+      const std::size_t named = std::min(kNamedMax, land_use.incomplete_relation_ids.size());
+      for (std::size_t i = 0; i < named; ++i) {
+        ids += (ids.empty() ? "" : ", ") + std::to_string(land_use.incomplete_relation_ids[i]);
       }
-      observer.note(std::to_string(land_use.incomplete_relation_count) +
-                    " multipolygon relations have members outside the land-use files and are left "
-                    "out: " +
-                    ids +
-                    (land_use.incomplete_relation_count >
-                             static_cast<std::int64_t>(land_use.incomplete_relation_ids.size())
-                         ? ", ..."
-                         : ""));
+      observer.note(
+          std::to_string(land_use.incomplete_relation_count) +
+          " multipolygon relations have members outside the land-use files and are left "
+          "out: " +
+          ids +
+          (land_use.incomplete_relation_count > static_cast<std::int64_t>(named) ? ", ..." : ""));
     }
   }
   for (const std::string& line : request.attributions) {

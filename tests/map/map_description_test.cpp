@@ -6,6 +6,9 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "map/map_bundle.hpp"
+#include "map/source_layer.hpp"
+#include "support/temporary_folder.hpp"
 #include "support/test_map.hpp"
 
 namespace hedgehop::map {
@@ -62,6 +65,38 @@ TEST(MapDescription, UnknownIsNullAndNeverANumber) {
   EXPECT_TRUE(place["surface_above_terrain_m"].is_null());
   EXPECT_TRUE(place["visibility"].is_null());
   EXPECT_THAT(place_description_text(map, at_deg(0.0001, 9.00027)), HasSubstr("unknown"));
+}
+
+TEST(MapDescription, WithTheBundleItSaysWhereTheHeightsOfAPlaceComeFrom) {
+  const test::TemporaryFolder folder;
+  const Map map = map_at_the_equator();
+  write_map_bundle(map,
+                   R"({"inputs": [{"name": "a.tif", "kind": "elevation", "used_as": "terrain",
+                       "vertical_datum": "EGM96"}, {"name": "a.osm", "kind": "land use"},
+                      {"name": "b.tif", "kind": "elevation", "used_as": "surface",
+                       "vertical_datum": "EGM2008"}]})",
+                   folder.path());
+  const auto at_first = [&] {
+    return nlohmann::json::parse(place_description_json(map, at_deg(0.0001, 9.0), folder.path()));
+  };
+  EXPECT_FALSE(at_first().contains("elevation_from"));  // a bundle without the layer
+  raster::Grid<std::uint16_t> sources(map.geometry, packed({1, HeightOrigin::kElevation}));
+  sources.at(0, 0) = packed({2, HeightOrigin::kStoreys});
+  sources.at(1, 0) = packed({CellSource::kFilled, HeightOrigin::kThin});
+  write_source_layer(map, sources, folder.path());
+  EXPECT_EQ(at_first()["elevation_from"], "b.tif (surface, EGM2008)");
+  EXPECT_EQ(at_first()["height_from"], "storeys that the source states");
+  const std::string text = place_description_text(map, at_deg(0.0001, 9.00027), folder.path());
+  EXPECT_THAT(text, HasSubstr("filled in from neighbouring cells"));
+  EXPECT_THAT(text, HasSubstr("wire or thin obstacle"));
+  EXPECT_EQ(read_cell_source(map, folder.path(), {39, 39})->elevation, 1);
+
+  write_source_layer(map, raster::Grid<std::uint16_t>(map.geometry, 65535), folder.path());
+  EXPECT_THROW((void)at_first(), DataError);
+  raster::GridGeometry smaller = map.geometry;
+  smaller.rows = 39;
+  write_source_layer(map, raster::Grid<std::uint16_t>(smaller, 1), folder.path());
+  EXPECT_THROW((void)at_first(), DataError);
 }
 
 TEST(MapDescription, RefusesAPlaceOutsideTheMapOrAMapWithoutCoordinates) {
