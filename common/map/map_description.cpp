@@ -140,6 +140,24 @@ std::string elevation_source_of(const CellSource& source, const Json& manifest) 
   return "elevation file " + std::to_string(source.elevation);
 }
 
+// Every value below an entry of the manifest, one line each: "settings.visibility.radius_m 5000.0".
+void add_values(const Json& value, const std::string& name, int depth, std::ostream& text) {
+  constexpr int kDepthMax = 8;
+  if ((value.is_object() || value.is_array()) && !value.empty() && depth < kDepthMax) {
+    std::size_t number = 0;
+    for (const auto& [key, inner] : value.items()) {
+      add_values(inner,
+                 name + (value.is_array() ? "[" + std::to_string(number++) + "]" : "." + key),
+                 depth + 1, text);
+    }
+  } else {
+    text << std::left << std::setw(24) << name << " "
+         << (value.is_string() ? value.get<std::string>()
+                               : value.dump(-1, ' ', false, Json::error_handler_t::replace))
+         << "\n";
+  }
+}
+
 }  // namespace
 
 std::string map_description_json(const Map& map, const std::string& manifest_json) {
@@ -220,6 +238,13 @@ std::string map_description_text(const Map& map, const std::string& manifest_jso
   line("made by", text_at(manifest, "tool") + " " + text_at(manifest, "tool_version"));
   for (const std::string& attribution : map.attributions) {
     line("attribution", attribution);
+  }
+  // How it was made, word for word.
+  for (const char* key : {"settings", "terrain_resampling", "elevation_cells", "visibility_method",
+                          "object_heights", "vector_sources", "land_use_statistics"}) {
+    if (manifest.contains(key)) {
+      add_values(manifest[key], key, 0, text);
+    }
   }
   return text.str();
 }

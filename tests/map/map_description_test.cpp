@@ -121,6 +121,10 @@ TEST(MapDescription, SurvivesAManifestOfSurprisingTypes) {
       R"({"inputs": [3, {"name": []}], "mapped_extent_deg": ["x"], "extent_deg": 7, "tool": {}})";
   EXPECT_THAT(map_description_text(map, odd), HasSubstr("40 x 40 cells of 30 m"));
   EXPECT_THROW(map_description_text(map, "[]"), DataError);
+  EXPECT_THAT(map_description_text(
+                  map, R"({"settings": {"visibility": {"azimuths": 180}, "list": [[], "x"]}})"),
+              testing::AllOf(HasSubstr("settings.visibility.azimuths 180"),
+                             HasSubstr("settings.list[1]         x")));
 }
 
 }  // namespace
