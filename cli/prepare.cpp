@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -22,7 +23,7 @@ struct PrepareArguments {
   std::vector<std::string> dem, osm, vectors, mappings, attributions, settings;
   std::vector<double> bbox_deg;
   double cell_m = 0.0;
-  std::string crs, label, config_file, out;
+  std::string crs, label, config_file, out, observers_file, tile;
   bool is_overwriting = false;
 };
 
@@ -66,6 +67,22 @@ void add_vectors(const PrepareArguments& arguments, preparation::PrepareRequest&
   }
 }
 
+// "3/16"
+preparation::TileNumber tile_of(const std::string& text) {
+  preparation::TileNumber tile;
+  const std::size_t slash = text.find('/');
+  const char* end = text.data() + text.size();
+  if (slash != std::string::npos) {
+    const auto index = std::from_chars(text.data(), text.data() + slash, tile.index);
+    const auto count = std::from_chars(text.data() + slash + 1, end, tile.count);
+    if (index.ec == std::errc() && index.ptr == text.data() + slash && count.ec == std::errc() &&
+        count.ptr == end) {
+      return tile;
+    }
+  }
+  throw UsageError("'" + text + "' is no tile", "give --tile as NUMBER/COUNT, 3/16 for example");
+}
+
 preparation::PrepareRequest request_of(const PrepareArguments& arguments, const Console& console) {
   preparation::PrepareRequest request;
   for (const std::string& dem : arguments.dem) {
@@ -87,6 +104,10 @@ preparation::PrepareRequest request_of(const PrepareArguments& arguments, const 
   request.crs = arguments.crs;
   request.label = arguments.label;
   request.attributions = arguments.attributions;
+  request.observers_file = arguments.observers_file;
+  if (!arguments.tile.empty()) {
+    request.tile = tile_of(arguments.tile);
+  }
   request.threads = console.threads;
   return request;
 }
@@ -104,6 +125,13 @@ ExitCode run(const Console& console, const PrepareArguments& arguments) {
   observer->progress("writing the map", 0.0, 1.0);
   map::write_map_bundle(prepared.map, prepared.provenance_json, folder.path(), observer.get());
   map::write_source_layer(prepared.map, prepared.sources, folder.path());
+  if (!prepared.threats.empty()) {
+    std::vector<map::NamedBand> bands;
+    for (const preparation::ThreatLayer& threat : prepared.threats) {
+      bands.push_back({threat.name, &threat.lowest_seen_m});
+    }
+    map::write_height_bands(prepared.map, bands, folder.path() / "threats.tif", observer.get());
+  }
   observer->progress("writing the map", 1.0, 1.0);
   observer->check_stop();
   folder.commit();
@@ -185,6 +213,13 @@ void add_prepare_verb(CLI::App& app, Console& console) {
                    "YAML file whose keys replace those of the shipped prepare.yaml");
   verb->add_option("--set", arguments->settings, "One setting, key=value; may be repeated")
       ->allow_extra_args(false);
+  verb->add_option("--observers", arguments->observers_file,
+                   "YAML file of named observers; writes threats.tif, the lowest height above the "
+                   "surface that each of them sees");
+  verb->add_option(
+      "--tile", arguments->tile,
+      "Prepare tile NUMBER/COUNT of the region alone, 3/16 for example; its layers are "
+      "that part of the whole region's, byte for byte");
   verb->add_option("--out", arguments->out, "Folder to write the map to")->required();
   verb->add_flag("--overwrite", arguments->is_overwriting, "Replace an existing map in --out");
   add_common_options(*verb, console);

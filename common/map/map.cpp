@@ -1,5 +1,6 @@
 #include "map/map.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <type_traits>
@@ -54,9 +55,21 @@ const std::vector<SemanticName>& semantic_names() {
       {SemanticClass::kSettlementDesired, "settlement_desired"},
       {SemanticClass::kPowerLine, "power_line"},
       {SemanticClass::kWater, "water"},
+      {SemanticClass::kVisibilityPartial, "visibility_partial"},
       {SemanticClass::kUnmapped, "unmapped"},
   };
   return kNames;
+}
+
+bool covers_height(const Map& map, double height_m) {
+  constexpr double kSame_m = 1e-6;
+  double low_m = map.reference_height_m;
+  double high_m = map.reference_height_m;
+  for (const VisibilityBand& band : map.further_visibility) {
+    low_m = std::min(low_m, band.height_m);
+    high_m = std::max(high_m, band.height_m);
+  }
+  return height_m >= low_m - kSame_m && height_m <= high_m + kSame_m;
 }
 
 Hash128 map_hash(const Map& map) {
@@ -90,6 +103,12 @@ Hash128 map_hash(const Map& map) {
     update_text(hasher, line);
   }
   update_text(hasher, map.label);
+  // Maps with one height keep the hash that they had before there were more.
+  for (const VisibilityBand& band : map.further_visibility) {
+    update_text(hasher, "visibility band");
+    update(hasher, band.height_m);
+    update_bits(hasher, band.share);
+  }
   return hasher.digest();
 }
 
@@ -108,6 +127,16 @@ void validate(const Map& map) {
   check(map.semantics.geometry() == geometry, "layer semantics has another geometry than the map");
   check(map.visibility.geometry() == geometry,
         "layer visibility has another geometry than the map");
+  for (std::size_t i = 0; i < map.further_visibility.size(); ++i) {
+    const VisibilityBand& band = map.further_visibility[i];
+    check(band.share.geometry() == geometry,
+          "a further height of layer visibility has another geometry than the map");
+    check(std::isfinite(band.height_m) && band.height_m >= 0.0 &&
+              band.height_m != map.reference_height_m &&
+              (i == 0 || band.height_m > map.further_visibility[i - 1].height_m),
+          "the further heights of layer visibility are not ascending, or one is the reference "
+          "height");
+  }
   for (int row = 0; row < geometry.rows; ++row) {
     for (int column = 0; column < geometry.columns; ++column) {
       const float terrain_m = map.terrain_m.at(column, row);

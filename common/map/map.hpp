@@ -26,6 +26,7 @@ enum class SemanticClass : std::uint16_t {
   kSettlementDesired = 1U << 9,   // 400 m
   kPowerLine = 1U << 10,          // a power line passes through the cell
   kWater = 1U << 11,
+  kVisibilityPartial = 1U << 14,  // part of the ground within the radius of visibility is unknown
   kUnmapped = 1U << 15,  // no land-use source covers the cell: unknown, costs as configured
 };
 
@@ -50,6 +51,12 @@ struct PowerLine {
   std::vector<Pole> poles;  // at least 2
 };
 
+/// Visibility at another height than the reference height; together they are the exposure volume.
+struct VisibilityBand {
+  double height_m = 0.0;              // above the surface
+  raster::Grid<std::uint16_t> share;  // as Map::visibility
+};
+
 /// Everything planners need to know about a region. Layers share one geometry.
 struct Map {
   raster::GridGeometry geometry;
@@ -60,6 +67,8 @@ struct Map {
   raster::Grid<std::uint16_t> semantics;   // bits of SemanticClass
   raster::Grid<std::uint16_t> visibility;  // share of surface points in range that see this one
   double reference_height_m = 0.0;         // h_ref that the visibility layer was computed for
+  // At further heights, ascending, none twice and none at h_ref; empty in most maps.
+  std::vector<VisibilityBand> further_visibility;
   double visibility_radius_m = 0.0;
   std::vector<PowerLine> power_lines;
   std::vector<std::string> attributions;  // travel with every product of the map
@@ -73,6 +82,10 @@ inline double visibility_share(std::uint16_t stored) {
   return stored == kVisibilityUnknown ? std::numeric_limits<double>::quiet_NaN()
                                       : stored / kVisibilityScale;
 }
+
+/// Whether visibility at a height is known: at the reference height, or between the lowest and the
+/// highest of the exposure volume.
+bool covers_height(const Map& map, double height_m);
 
 /// Identity of the content: geometry, CRS, layers, features, attributions, label; not of file
 /// names, times or compression.

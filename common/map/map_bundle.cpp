@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <ogrsf_frmts.h>
 #include <optional>
+#include <sstream>
 #include <system_error>
 
 #include "base/angles.hpp"
@@ -124,16 +125,23 @@ std::optional<OGRSpatialReference> spatial_reference(const std::string& wkt) {
 }
 
 struct LayerStyle {
-  const char* description;
   const char* unit;
   double no_data;
   double scale;
 };
 
 template <typename T>
-void write_layer(const Map& map, const raster::Grid<T>& grid, const LayerStyle& style,
-                 const std::vector<std::pair<std::string, std::string>>& metadata,
+struct LayerBand {
+  const raster::Grid<T>* grid = nullptr;
+  std::string description;
+  std::vector<std::pair<std::string, std::string>> metadata;
+};
+
+template <typename T>
+void write_bands(const Map& map, const std::vector<LayerBand<T>>& bands, const LayerStyle& style,
                  const Observer* observer, const fs::path& file) {
+  const int columns = map.geometry.columns;
+  const int rows = map.geometry.rows;
   const MemoryFile memory(file.filename().string());
   {
     GdalErrors errors;
@@ -145,8 +153,12 @@ void write_layer(const Map& map, const raster::Grid<T>& grid, const LayerStyle& 
     options.SetNameValue("PREDICTOR", std::is_same_v<T, float> ? "3" : "2");
     options.SetNameValue("TILED", "YES");
     options.SetNameValue("BIGTIFF", "IF_SAFER");
-    DatasetPointer dataset(driver->Create(memory.path(), grid.columns(), grid.rows(), 1,
-                                          gdal_type<T>(), options.List()));
+    if (bands.size() > 1) {
+      options.SetNameValue("INTERLEAVE", "BAND");
+    }
+    DatasetPointer dataset(driver->Create(memory.path(), columns, rows,
+                                          static_cast<int>(bands.size()), gdal_type<T>(),
+                                          options.List()));
     require_written(dataset != nullptr, errors, file);
     std::array<double, 6> transform = {
         map.geometry.west_m, map.geometry.cell_m, 0.0, map.geometry.north_m(), 0.0,
@@ -156,35 +168,53 @@ void write_layer(const Map& map, const raster::Grid<T>& grid, const LayerStyle& 
     if (reference) {
       require_written(dataset->SetSpatialRef(&*reference) == CE_None, errors, file);
     }
-    GDALRasterBand* band = dataset->GetRasterBand(1);
-    band->SetDescription(style.description);
-    if (*style.unit != '\0') {
-      band->SetUnitType(style.unit);
-    }
-    if (style.scale != 1.0) {
-      band->SetScale(style.scale);
-    }
-    if (!std::is_same_v<T, std::uint16_t> || style.no_data != 0.0) {
-      band->SetNoDataValue(style.no_data);
-    }
-    for (const auto& [key, value] : metadata) {
-      band->SetMetadataItem(key.c_str(), value.c_str());
-    }
-    for (int row = 0; row < grid.rows(); ++row) {
-      if (observer != nullptr) {
-        observer->check_stop();
+    for (std::size_t i = 0; i < bands.size(); ++i) {
+      const raster::Grid<T>& grid = *bands[i].grid;
+      GDALRasterBand* band = dataset->GetRasterBand(static_cast<int>(i) + 1);
+      band->SetDescription(bands[i].description.c_str());
+      if (*style.unit != '\0') {
+        band->SetUnitType(style.unit);
       }
-      const int file_row = grid.rows() - 1 - row;
-      const CPLErr result =
-          band->RasterIO(GF_Write, 0, file_row, grid.columns(), 1, const_cast<T*>(grid.row(row)),
-                         grid.columns(), 1, gdal_type<T>(), 0, 0, nullptr);
-      require_written(result == CE_None, errors, file);
+      if (style.scale != 1.0) {
+        band->SetScale(style.scale);
+      }
+      if (!std::is_same_v<T, std::uint16_t> || style.no_data != 0.0) {
+        band->SetNoDataValue(style.no_data);
+      }
+      for (const auto& [key, value] : bands[i].metadata) {
+        band->SetMetadataItem(key.c_str(), value.c_str());
+      }
+      for (int row = 0; row < rows; ++row) {
+        if (observer != nullptr) {
+          observer->check_stop();
+        }
+        const int file_row = rows - 1 - row;
+        const CPLErr result =
+            band->RasterIO(GF_Write, 0, file_row, columns, 1, const_cast<T*>(grid.row(row)),
+                           columns, 1, gdal_type<T>(), 0, 0, nullptr);
+        require_written(result == CE_None, errors, file);
+      }
     }
     dataset->FlushCache(true);
     dataset.reset();
     require_written(true, errors, file);
   }
   write_file_atomically(file, memory.bytes());
+}
+
+template <typename T>
+void write_layer(const Map& map, const raster::Grid<T>& grid, const char* description,
+                 const LayerStyle& style,
+                 const std::vector<std::pair<std::string, std::string>>& metadata,
+                 const Observer* observer, const fs::path& file) {
+  write_bands<T>(map, {{&grid, description, metadata}}, style, observer, file);
+}
+
+// "15.24"
+std::string text_of_height(double height_m) {
+  std::ostringstream text;
+  text << height_m;
+  return text.str();
 }
 
 void write_features(const Map& map, const fs::path& file) {
@@ -298,6 +328,12 @@ Json manifest_of(const Map& map, const std::string& provenance_json) {
   manifest["extent_deg"] = geodetic_extent(map);
   manifest["reference_height_m"] = map.reference_height_m;
   manifest["visibility_radius_m"] = map.visibility_radius_m;
+  if (!map.further_visibility.empty()) {
+    manifest["further_visibility_heights_m"] = Json::array();
+    for (const VisibilityBand& band : map.further_visibility) {
+      manifest["further_visibility_heights_m"].push_back(band.height_m);
+    }
+  }
   manifest["layers"] = Json{
       {"terrain", "terrain.tif: ground elevation [m], float32 in steps of 1/64 m, NaN unknown"},
       {"surface",
@@ -305,7 +341,7 @@ Json manifest_of(const Map& map, const std::string& provenance_json) {
       {"semantics", "semantics.tif: uint16, bits may overlap"},
       {"visibility",
        "visibility.tif: uint16, share of the surroundings that sees a point at reference height x "
-       "65534, 65535 unknown"},
+       "65534, 65535 unknown; further bands for the further heights"},
       {"features", "features.gpkg: power_lines, power_poles"}};
   Json bits = Json::object();
   for (const SemanticName& name : semantic_names()) {
@@ -397,8 +433,32 @@ Json parsed_manifest(const std::string& text, const fs::path& file) {
   return manifest;
 }
 
+constexpr std::size_t kFurtherHeightsMax = 64;
+
+// Heights of the bands of visibility.tif beyond the first; older maps have none.
+std::vector<double> further_heights_in(const Json& manifest, const fs::path& file) {
+  const auto entry = manifest.find("further_visibility_heights_m");
+  if (entry == manifest.end()) {
+    return {};
+  }
+  std::vector<double> heights_m;
+  if (entry->is_array() && entry->size() <= kFurtherHeightsMax) {
+    for (const Json& height : *entry) {
+      if (height.is_number()) {
+        heights_m.push_back(height.get<double>());
+      }
+    }
+  }
+  if (heights_m.empty() || heights_m.size() != entry->size()) {
+    throw DataError(file.string() + ": 'further_visibility_heights_m' is no list of heights",
+                    kPrepareAgain);
+  }
+  return heights_m;
+}
+
 template <typename T>
-raster::Grid<T> read_layer(const raster::GridGeometry& geometry, const fs::path& file) {
+std::vector<raster::Grid<T>> read_bands(const raster::GridGeometry& geometry, std::size_t count,
+                                        const fs::path& file) {
   const auto refuse = [&](const std::string& why) {
     throw DataError(file.string() + ": " + why, kPrepareAgain);
   };
@@ -407,7 +467,8 @@ raster::Grid<T> read_layer(const raster::GridGeometry& geometry, const fs::path&
     refuse("is missing");
   }
   const std::uintmax_t bytes = fs::file_size(file, error);
-  const double bytes_unpacked = static_cast<double>(geometry.cell_count()) * sizeof(T);
+  const double bytes_unpacked =
+      static_cast<double>(count) * static_cast<double>(geometry.cell_count()) * sizeof(T);
   if (error || static_cast<double>(bytes) * kDeflateRatioMax < bytes_unpacked) {
     refuse("is too short for its number of cells");
   }
@@ -425,8 +486,7 @@ raster::Grid<T> read_layer(const raster::GridGeometry& geometry, const fs::path&
            std::to_string(dataset->GetRasterYSize()) + " cells, the manifest says " +
            std::to_string(geometry.columns) + " x " + std::to_string(geometry.rows));
   }
-  if (dataset->GetRasterCount() != 1 ||
-      dataset->GetRasterBand(1)->GetRasterDataType() != gdal_type<T>()) {
+  if (dataset->GetRasterCount() != static_cast<int>(count)) {
     refuse("has another number or type of bands than this layer");
   }
   std::array<double, 6> transform{};
@@ -439,22 +499,33 @@ raster::Grid<T> read_layer(const raster::GridGeometry& geometry, const fs::path&
       transform[2] != 0.0 || transform[4] != 0.0) {
     refuse("lies elsewhere than the manifest says");
   }
-  GDALRasterBand* band = dataset->GetRasterBand(1);
-  int block_columns = 0;
-  int block_rows = 0;
-  band->GetBlockSize(&block_columns, &block_rows);
-  if (static_cast<std::int64_t>(block_columns) * block_rows >
-      std::max<std::int64_t>(1 << 22, static_cast<std::int64_t>(geometry.cell_count()))) {
-    refuse("has blocks larger than itself");
-  }
-  raster::Grid<T> grid(geometry, T{});
-  for (int row = 0; row < geometry.rows; ++row) {
-    if (band->RasterIO(GF_Read, 0, geometry.rows - 1 - row, geometry.columns, 1, grid.row(row),
-                       geometry.columns, 1, gdal_type<T>(), 0, 0, nullptr) != CE_None) {
-      refuse("cannot be read: " + errors.first());
+  std::vector<raster::Grid<T>> grids;
+  for (std::size_t i = 0; i < count; ++i) {
+    GDALRasterBand* band = dataset->GetRasterBand(static_cast<int>(i) + 1);
+    if (band->GetRasterDataType() != gdal_type<T>()) {
+      refuse("has another number or type of bands than this layer");
+    }
+    int block_columns = 0;
+    int block_rows = 0;
+    band->GetBlockSize(&block_columns, &block_rows);
+    if (static_cast<std::int64_t>(block_columns) * block_rows >
+        std::max<std::int64_t>(1 << 22, static_cast<std::int64_t>(geometry.cell_count()))) {
+      refuse("has blocks larger than itself");
+    }
+    raster::Grid<T>& grid = grids.emplace_back(geometry, T{});
+    for (int row = 0; row < geometry.rows; ++row) {
+      if (band->RasterIO(GF_Read, 0, geometry.rows - 1 - row, geometry.columns, 1, grid.row(row),
+                         geometry.columns, 1, gdal_type<T>(), 0, 0, nullptr) != CE_None) {
+        refuse("cannot be read: " + errors.first());
+      }
     }
   }
-  return grid;
+  return grids;
+}
+
+template <typename T>
+raster::Grid<T> read_layer(const raster::GridGeometry& geometry, const fs::path& file) {
+  return std::move(read_bands<T>(geometry, 1, file).front());
 }
 
 std::vector<PowerLine> read_features(const fs::path& file) {
@@ -527,23 +598,43 @@ void write_map_bundle(const Map& map, const std::string& provenance_json, const 
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<std::pair<std::string, std::string>> datum = {
       {"VERTICAL_DATUM", map.vertical_datum}};
-  write_layer(map, map.terrain_m, {"terrain elevation", "m", nan, 1.0}, datum, observer,
+  write_layer(map, map.terrain_m, "terrain elevation", {"m", nan, 1.0}, datum, observer,
               folder / "terrain.tif");
-  write_layer(map, map.surface_m, {"surface elevation", "m", nan, 1.0}, datum, observer,
+  write_layer(map, map.surface_m, "surface elevation", {"m", nan, 1.0}, datum, observer,
               folder / "surface.tif");
   std::vector<std::pair<std::string, std::string>> bits;
   for (const SemanticName& name : semantic_names()) {
     bits.emplace_back("BIT_" + std::to_string(static_cast<std::uint16_t>(name.bit)),
                       std::string(name.name));
   }
-  write_layer(map, map.semantics, {"semantic classes, a bit each", "", 0.0, 1.0}, bits, observer,
+  write_layer(map, map.semantics, "semantic classes, a bit each", {"", 0.0, 1.0}, bits, observer,
               folder / "semantics.tif");
-  write_layer(map, map.visibility,
-              {"share of the surroundings that sees a point at reference height", "",
-               static_cast<double>(kVisibilityUnknown), 1.0 / kVisibilityScale},
-              {}, observer, folder / "visibility.tif");
+  const LayerStyle share{"", static_cast<double>(kVisibilityUnknown), 1.0 / kVisibilityScale};
+  std::vector<LayerBand<std::uint16_t>> heights = {
+      {&map.visibility, "share of the surroundings that sees a point at reference height", {}}};
+  for (const VisibilityBand& band : map.further_visibility) {
+    const std::string height = text_of_height(band.height_m);
+    heights.push_back(
+        {&band.share,
+         "share of the surroundings that sees a point " + height + " m above the surface",
+         {{"HEIGHT_M", height}}});
+  }
+  write_bands(map, heights, share, observer, folder / "visibility.tif");
   write_features(map, folder / "features.gpkg");
   write_file_atomically(folder / kMapManifestFile, manifest);
+}
+
+void write_height_bands(const Map& map, const std::vector<NamedBand>& bands, const fs::path& file,
+                        const Observer* observer) {
+  register_drivers();
+  std::vector<LayerBand<float>> layers;
+  for (const NamedBand& band : bands) {
+    if (band.height_m->geometry() != map.geometry) {
+      throw std::invalid_argument("write_height_bands: a band has another geometry than the map");
+    }
+    layers.push_back({band.height_m, band.name, {}});
+  }
+  write_bands(map, layers, {"m", std::numeric_limits<double>::quiet_NaN(), 1.0}, observer, file);
 }
 
 Map read_map_bundle(const fs::path& folder) {
@@ -598,7 +689,13 @@ Map read_map_bundle(const fs::path& folder) {
   map.terrain_m = read_layer<float>(map.geometry, folder / "terrain.tif");
   map.surface_m = read_layer<float>(map.geometry, folder / "surface.tif");
   map.semantics = read_layer<std::uint16_t>(map.geometry, folder / "semantics.tif");
-  map.visibility = read_layer<std::uint16_t>(map.geometry, folder / "visibility.tif");
+  const std::vector<double> heights_m = further_heights_in(manifest, file);
+  std::vector<raster::Grid<std::uint16_t>> shares =
+      read_bands<std::uint16_t>(map.geometry, heights_m.size() + 1, folder / "visibility.tif");
+  map.visibility = std::move(shares.front());
+  for (std::size_t i = 0; i < heights_m.size(); ++i) {
+    map.further_visibility.push_back({heights_m[i], std::move(shares[i + 1])});
+  }
   map.power_lines = read_features(folder / "features.gpkg");
   try {
     validate(map);

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "base/observer.hpp"
 #include "map/map.hpp"
@@ -18,6 +19,15 @@ inline constexpr char kMapManifestFile[] = "manifest.json";
 /// one, asks to stop.
 void write_map_bundle(const Map& map, const std::string& provenance_json,
                       const std::filesystem::path& folder, const Observer* observer = nullptr);
+
+/// Writes heights [m, NaN unknown], one named band each, as a GeoTIFF over the map's cells. Throws
+/// as write_map_bundle().
+struct NamedBand {
+  std::string name;
+  const raster::Grid<float>* height_m = nullptr;
+};
+void write_height_bands(const Map& map, const std::vector<NamedBand>& bands,
+                        const std::filesystem::path& file, const Observer* observer = nullptr);
 
 /// Reads a bundle and checks its schema version, layers and hash. Throws DataError.
 Map read_map_bundle(const std::filesystem::path& folder);

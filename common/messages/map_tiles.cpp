@@ -186,6 +186,10 @@ void decode_map_tile(ByteView bytes, const Tiling& tiling, const TileAddress& ad
 }
 
 Bytes encode_map_features(const map::Map& map) {
+  if (!map.further_visibility.empty()) {
+    throw DataError("the map holds an exposure volume, which the bus does not carry",
+                    "plan on it without the bus, or prepare it without further_heights_m");
+  }
   map_features_t message{};
   message.version = map_features_t::VERSION;
   wire::put(message.map_hash, map.hash);

@@ -134,6 +134,17 @@ flight::Trajectory to_trajectory(const local_planning::Flight& flight, const map
   return trajectory;
 }
 
+// "15.24", or "15.24 to 150.00" with an exposure volume.
+std::string heights_text(const map::Map& map) {
+  double low_m = map.reference_height_m;
+  double high_m = map.reference_height_m;
+  for (const map::VisibilityBand& band : map.further_visibility) {
+    low_m = std::min(low_m, band.height_m);
+    high_m = std::max(high_m, band.height_m);
+  }
+  return low_m == high_m ? text_of(low_m, 2) : text_of(low_m, 2) + " to " + text_of(high_m, 2);
+}
+
 }  // namespace
 
 std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
@@ -141,9 +152,9 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
                                                    const PlanningConfig& config,
                                                    const global_planning::OnProgress& on_progress,
                                                    Observer& observer) {
-  if (std::fabs(map.reference_height_m - config.reference_height_m) > 1e-6) {
+  if (!map::covers_height(map, config.reference_height_m)) {
     return NoPlan{NoPlanCause::kReferenceHeightMismatch, std::nullopt,
-                  "the map's visibility was computed for " + text_of(map.reference_height_m, 2) +
+                  "the map's visibility was computed for " + heights_text(map) +
                       " m above the surface, the config asks for reference_height_m " +
                       text_of(config.reference_height_m, 2) +
                       "; prepare the map for that height, or change the config"};
@@ -189,7 +200,8 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
   plan.start = stops.front();
   plan.goal = stops.back();
 
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility);
+  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
+                              config.reference_height_m);
   const std::int64_t budget =
       request.work_budget > 0 ? request.work_budget : config.global.work_budget;
   const auto legs = static_cast<std::int64_t>(stops.size()) - 1;
@@ -238,7 +250,8 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   HEDGEHOP_ASSERT(route_plan.config_text == config.text);
   HEDGEHOP_ASSERT(route_plan.route.guide.size() >= 2);
   const geo::MapProjection projection(map.crs_wkt);
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility);
+  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
+                              config.reference_height_m);
   const command_model::CommandModel model(config.vehicle);
 
   const double speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);

@@ -13,10 +13,16 @@
 #include "map/source_layer.hpp"
 #include "map_sources/elevation_source.hpp"
 #include "map_sources/land_use_source.hpp"
+#include "preparation/ground_weights.hpp"
 #include "preparation/surface_model.hpp"
 
 namespace hedgehop::preparation {
 namespace {
+
+// Cells of a region that is prepared in tiles.
+constexpr std::int64_t kTiledCellsMax = 1'000'000'000'000;
+// Resampling and the surface's raising look this far around.
+constexpr int kRimCells = 8;
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
@@ -77,6 +83,12 @@ void check_request(const PrepareRequest& request, double cell_m) {
   }
   if (request.threads < 0) {
     throw UsageError("a negative number of threads is not possible");
+  }
+  if (request.tile && (request.tile->count < 1 || request.tile->count > 10'000'000 ||
+                       request.tile->index < 1 || request.tile->index > request.tile->count)) {
+    throw UsageError("tile " + std::to_string(request.tile->index) + "/" +
+                         std::to_string(request.tile->count) + " is not possible",
+                     "give --tile as NUMBER/COUNT, from 1/COUNT to COUNT/COUNT");
   }
 }
 
@@ -251,7 +263,13 @@ Json json_of(const PrepareOptions& o, double cell_m) {
             {"reference_height_m", o.visibility.reference_height_m},
             {"azimuths", o.visibility.azimuths},
             {"earth_curvature", o.visibility.is_earth_curved},
-            {"refraction", o.visibility.refraction}}}};
+            {"refraction", o.visibility.refraction},
+            {"further_heights_m", o.visibility.further_heights_m},
+            {"ground_weights",
+             {{"forest", o.ground_weights.forest},
+              {"urban", o.ground_weights.urban},
+              {"water", o.ground_weights.water},
+              {"open", o.ground_weights.open}}}}}};
 }
 
 void add_once(std::vector<std::string>& lines, const std::string& line) {
@@ -274,10 +292,16 @@ void show_built_up_cells(double visibility_min, map::Map& map) {
   const auto built_up = static_cast<std::uint16_t>(map::SemanticClass::kBuiltUpArea) |
                         static_cast<std::uint16_t>(map::SemanticClass::kVillage) |
                         static_cast<std::uint16_t>(map::SemanticClass::kSettlement);
-  for (std::size_t i = 0; i < map.visibility.values().size(); ++i) {
-    std::uint16_t& stored = map.visibility.values()[i];
-    if ((map.semantics.values()[i] & built_up) != 0 && stored != map::kVisibilityUnknown) {
-      stored = std::max(stored, least);
+  std::vector<raster::Grid<std::uint16_t>*> layers = {&map.visibility};
+  for (map::VisibilityBand& band : map.further_visibility) {
+    layers.push_back(&band.share);
+  }
+  for (raster::Grid<std::uint16_t>* layer : layers) {
+    for (std::size_t i = 0; i < layer->values().size(); ++i) {
+      std::uint16_t& stored = layer->values()[i];
+      if ((map.semantics.values()[i] & built_up) != 0 && stored != map::kVisibilityUnknown) {
+        stored = std::max(stored, least);
+      }
     }
   }
 }
@@ -295,6 +319,58 @@ raster::Grid<std::uint16_t> packed_sources(const raster::Grid<std::uint16_t>& el
     result.values()[i] = map::packed(source);
   }
   return result;
+}
+
+// The outline of a tile. The number of columns and rows of tiles is the pair of divisors of the
+// count that makes them most nearly square.
+raster::GridGeometry part_of(const raster::GridGeometry& whole, const TileNumber& tile) {
+  int across = 1;
+  double best = std::numeric_limits<double>::infinity();
+  for (int columns = 1; columns <= tile.count; ++columns) {
+    if (tile.count % columns != 0) {
+      continue;
+    }
+    const double width = static_cast<double>(whole.columns) / columns;
+    const double height = static_cast<double>(whole.rows) * columns / tile.count;
+    const double longer = std::max(width, height) / std::min(width, height);
+    if (longer < best) {
+      best = longer;
+      across = columns;
+    }
+  }
+  const int along = tile.count / across;
+  const auto edge = [](int cells, int i, int n) {
+    return static_cast<int>(std::int64_t{cells} * i / n);
+  };
+  const int column = (tile.index - 1) % across;
+  const int row = (tile.index - 1) / across;
+  const int west = edge(whole.columns, column, across);
+  const int south = edge(whole.rows, row, along);
+  raster::GridGeometry part = whole;
+  part.west_m += west * whole.cell_m;
+  part.south_m += south * whole.cell_m;
+  part.columns = edge(whole.columns, column + 1, across) - west;
+  part.rows = edge(whole.rows, row + 1, along) - south;
+  if (part.columns < 1 || part.rows < 1) {
+    throw UsageError("the region has fewer cells than tiles", "choose fewer tiles");
+  }
+  return part;
+}
+
+Json json_of(const NamedObserver& observer, const ThreatLayer& layer) {
+  std::int64_t in_range = 0;
+  std::int64_t surface_seen = 0;
+  for (const float lowest_m : layer.lowest_seen_m.values()) {
+    in_range += std::isnan(lowest_m) ? 0 : 1;
+    surface_seen += lowest_m == 0.0F ? 1 : 0;
+  }
+  return {{"name", observer.name},
+          {"latitude_deg", rounded_degrees(observer.position.latitude_rad)},
+          {"longitude_deg", rounded_degrees(observer.position.longitude_rad)},
+          {"mast_height_m", observer.mast_height_m},
+          {"range_m", observer.range_m},
+          {"cells_in_range", in_range},
+          {"cells_with_surface_seen", surface_seen}};
 }
 
 }  // namespace
@@ -323,7 +399,10 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
 
   PreparedMap result;
   map::Map& map = result.map;
-  map.geometry = grid_around(extent, projection, cell_m, options.cells_max);
+  // Of all tiles together only the outline is needed.
+  const std::int64_t whole_cells_max = request.tile ? kTiledCellsMax : options.cells_max;
+  const raster::GridGeometry whole = grid_around(extent, projection, cell_m, whole_cells_max);
+  map.geometry = request.tile ? part_of(whole, *request.tile) : whole;
   map.crs_wkt = projection.wkt();
   map.vertical_datum = options.vertical_datum.name;
   map.reference_height_m = options.visibility.reference_height_m;
@@ -333,12 +412,17 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   // Visibility at the border needs what lies beyond it. The files' own extent bounds the margin; it
   // is cut to the neighbourhood first, since a large file may reach where the projection does not.
   const int margin = static_cast<int>(std::ceil(options.visibility.radius_m / cell_m)) + 2;
-  raster::GridGeometry wide = map.geometry;
+  raster::GridGeometry wide = whole;
   wide = {wide.west_m - margin * cell_m, wide.south_m - margin * cell_m, cell_m,
           wide.columns + 2 * margin, wide.rows + 2 * margin};
   const geo::GeodeticBox near = intersection(box_of(wide, projection), elevation_box);
+  const raster::GridGeometry whole_working =
+      with_margin(whole, margin, grid_around(near, projection, cell_m, kTiledCellsMax));
+  // What is done at a raster's rim, void cells filled in for instance, must not reach a tile's
+  // halo.
+  const int rim = static_cast<int>(std::ceil(options.void_fill_radius_m / cell_m)) + kRimCells;
   const raster::GridGeometry working =
-      with_margin(map.geometry, margin, grid_around(near, projection, cell_m, 1'000'000'000));
+      request.tile ? with_margin(map.geometry, margin + rim, whole_working) : whole_working;
   if (working.cell_count() > static_cast<std::size_t>(options.cells_max)) {
     throw UsageError("the region with its margin for visibility has " +
                          std::to_string(working.cell_count()) + " cells, more than the " +
@@ -376,7 +460,7 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   const auto void_count = static_cast<std::size_t>(
       std::count_if(map.terrain_m.values().begin(), map.terrain_m.values().end(),
                     [](float value) { return std::isnan(value); }));
-  if (void_count == map.geometry.cell_count()) {
+  if (void_count == map.geometry.cell_count() && !request.tile) {
     throw DataError("the elevation files know no height anywhere in " + text_of(extent) +
                         ": every sample there is void",
                     "check them with gdalinfo -stats, or add another source with --dem");
@@ -395,7 +479,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   }
 
   map_sources::LandUse land_use;
-  const geo::GeodeticBox working_box = box_of(working, projection);
+  // Settlements are sorted by their whole size, so that each tile needs all of them.
+  const geo::GeodeticBox working_box = box_of(whole_working, projection);
   Json vector_findings = Json::array();
   if (!request.osm_files.empty() || !request.vectors.empty()) {
     // Settlements beyond the border have rings that reach in.
@@ -462,14 +547,46 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
       map.power_lines.push_back(std::move(line));
     }
   }
+  const raster::Grid<std::uint8_t> ground_weight =
+      ground_weights(model.semantics, options.ground_weights);
   VisibilityLayers visibility = visibility_of_block(
-      {model.opaque_m, model.surface_m}, corner, map.geometry.columns, map.geometry.rows,
-      options.visibility, {request.threads, Simd::kBest}, observer);
+      {model.opaque_m, model.surface_m, ground_weight.is_empty() ? nullptr : &ground_weight},
+      corner, map.geometry.columns, map.geometry.rows, options.visibility,
+      {request.threads, Simd::kBest}, observer);
   map.visibility = std::move(visibility.shares.front());
-  show_built_up_cells(options.settlements.visibility_min, map);
   result.sources = packed_sources(sources, cut_out(model.height_origin, map.geometry, corner));
+  for (std::size_t i = 0; i < options.visibility.further_heights_m.size(); ++i) {
+    map.further_visibility.push_back(
+        {options.visibility.further_heights_m[i], std::move(visibility.shares[i + 1])});
+  }
+  show_built_up_cells(options.settlements.visibility_min, map);
+  for (std::size_t i = 0; i < map.semantics.values().size(); ++i) {
+    if (visibility.is_partial.values()[i] != 0) {
+      map.semantics.values()[i] |=
+          static_cast<std::uint16_t>(map::SemanticClass::kVisibilityPartial);
+    }
+  }
   map.hash = map::map_hash(map);
   map::validate(map);
+
+  Json threats = Json::array();
+  if (!request.observers_file.empty()) {
+    inputs.push_back(input_of(request.observers_file, "observers", observer));
+    ConfigReader reader = ConfigReader::from_file(request.observers_file.string());
+    for (const NamedObserver& named : read_named_observers(reader)) {
+      check_text(named.name, "the name of an observer");
+      const raster::Grid<float> lowest_m =
+          lowest_seen_height({model.opaque_m, model.surface_m}, layers.terrain_m,
+                             projection.to_map(named.position), named.mast_height_m, named.range_m,
+                             drop_per_square_1pm(options.visibility), request.threads, observer);
+      result.threats.push_back({named.name, cut_out(lowest_m, map.geometry, corner)});
+      threats.push_back(json_of(named, result.threats.back()));
+      if (threats.back()["cells_in_range"] == 0) {
+        observer.note("observer '" + named.name +
+                      "' has nothing of the map in range, or stands on unknown ground");
+      }
+    }
+  }
 
   HeightCounts all = model.support_heights;
   Json heights = Json::object();
@@ -503,6 +620,13 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   provenance["settings"]["requested_extent_deg"] =
       request.extent ? json_of(*request.extent) : Json(nullptr);
   provenance["settings"]["requested_crs"] = request.crs;
+  if (request.tile) {
+    provenance["settings"]["tile"] =
+        std::to_string(request.tile->index) + "/" + std::to_string(request.tile->count);
+  }
+  if (!threats.empty()) {
+    provenance["threats"] = std::move(threats);
+  }
   provenance["terrain_resampling"] =
       "bilinear at the cell's centre, exact transformer; surface starts from the terrain raised so "
       "that no source sample lies above its cell or above the bilinear surface";

@@ -12,6 +12,7 @@
 #include "map/map.hpp"
 #include "map_sources/elevation_source.hpp"
 #include "map_sources/vector_source.hpp"
+#include "preparation/threat_layer.hpp"
 #include "preparation/visibility.hpp"
 
 namespace hedgehop::preparation {
@@ -41,6 +42,14 @@ struct SettlementOptions {
   double visibility_min = 0.0;
 };
 
+/// How much ground of a kind counts as a place from which is looked, 0 to 1.
+struct GroundWeights {
+  double forest = 0.0;
+  double urban = 0.0;
+  double water = 0.0;
+  double open = 0.0;  // agricultural, and whatever is none of the others
+};
+
 /// What config/prepare.yaml holds.
 struct PrepareOptions {
   double cell_m = 0.0;
@@ -51,10 +60,18 @@ struct PrepareOptions {
   DefaultHeights default_heights;
   SettlementOptions settlements;
   VisibilityOptions visibility;
+  GroundWeights ground_weights;
   std::int64_t cells_max = 0;  // refuse larger regions, halo included
 
   /// The whole document. Throws ConfigError.
   static PrepareOptions read(ConfigReader& reader);
+};
+
+/// Tile `index` of `count`, from 1, row by row from the south-west. Regions are cut into columns
+/// and rows of tiles such that these are as square as `count` allows.
+struct TileNumber {
+  int index = 1;
+  int count = 1;
 };
 
 struct PrepareRequest {
@@ -68,12 +85,15 @@ struct PrepareRequest {
   std::vector<std::string> attributions;  // added to those that the sources bring
   int threads = 0;                        // 0: one for each processor; never changes a byte
   std::vector<map_sources::VectorInput> vectors =
-      {};  // land use of other kinds, each with its mapping
+      {};                                         // land use of other kinds, each with its mapping
+  std::filesystem::path observers_file = {};      // YAML, see read_named_observers(); empty: none
+  std::optional<TileNumber> tile = std::nullopt;  // one part of the region; default: all of it
 };
 
 struct PreparedMap {
   map::Map map;
   raster::Grid<std::uint16_t> sources;  // for map::write_source_layer
+  std::vector<ThreatLayer> threats;     // of the named observers, in their order
   std::string provenance_json;          // for map::write_map_bundle
 };
 
@@ -85,6 +105,10 @@ struct PreparedMap {
 /// grown, joined, shrunk, split by size and get their rings (the paper's figure 2). Visibility is
 /// the share of the surroundings that sees a point at reference height, computed on a halo of one
 /// radius where the elevation files cover it, so that the map's edges are as good as its middle.
+///
+/// A tile has the same bytes in every layer as that part of the whole region: it is computed with a
+/// margin of its own, land use is read for the whole region, and lines of sight are anchored to the
+/// map frame. (Spans of power lines must be shorter than the visibility radius.)
 ///
 /// Same request files, options and build, same map, whatever `threads` is.
 ///

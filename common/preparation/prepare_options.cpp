@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "base/errors.hpp"
 #include "preparation/prepare.hpp"
 
@@ -61,6 +63,23 @@ PrepareOptions PrepareOptions::read(ConfigReader& reader) {
   options.visibility.azimuths = static_cast<int>(azimuths);
   options.visibility.is_earth_curved = visibility.required_bool("earth_curvature");
   options.visibility.refraction = within(visibility, "refraction", 0.0, 0.9);
+  options.visibility.further_heights_m = visibility.required_doubles("further_heights_m");
+  std::vector<double>& heights_m = options.visibility.further_heights_m;
+  std::sort(heights_m.begin(), heights_m.end());
+  for (const double further_m : heights_m) {
+    visibility.require(further_m >= 0.0 && further_m <= 10000.0, "further_heights_m",
+                       "must lie in 0 to 10000");
+    visibility.require(std::count(heights_m.begin(), heights_m.end(), further_m) == 1 &&
+                           further_m != options.visibility.reference_height_m,
+                       "further_heights_m", "must not hold a height twice, nor reference_height_m");
+  }
+  visibility.require(heights_m.size() <= 64, "further_heights_m", "must not hold more than 64");
+  ConfigReader weights = visibility.required_section("ground_weights");
+  options.ground_weights.forest = within(weights, "forest", 0.0, 1.0);
+  options.ground_weights.urban = within(weights, "urban", 0.0, 1.0);
+  options.ground_weights.water = within(weights, "water", 0.0, 1.0);
+  options.ground_weights.open = within(weights, "open", 0.0, 1.0);
+  weights.finish();
   visibility.finish();
   reader.finish();
   return options;

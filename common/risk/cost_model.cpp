@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <stdexcept>
 
@@ -23,6 +24,25 @@ std::uint16_t bit_of(const std::string& name, const ConfigReader& reader) {
   const auto nearest = nearest_word(name, known);
   reader.refuse("classes", "names the unknown class '" + name + "'" +
                                (nearest ? "; did you mean '" + *nearest + "'?" : ""));
+}
+
+// Heights with a visibility layer, ascending.
+std::vector<double> heights_of(const map::Map& map) {
+  std::vector<double> heights_m = {map.reference_height_m};
+  for (const map::VisibilityBand& band : map.further_visibility) {
+    heights_m.push_back(band.height_m);
+  }
+  std::sort(heights_m.begin(), heights_m.end());
+  return heights_m;
+}
+
+const raster::Grid<std::uint16_t>& band_at(const map::Map& map, double height_m) {
+  for (const map::VisibilityBand& band : map.further_visibility) {
+    if (band.height_m == height_m) {
+      return band.share;
+    }
+  }
+  return map.visibility;
 }
 
 // NaN outside the raster.
@@ -79,18 +99,47 @@ CostWeights read_weights(ConfigReader& reader) {
   return weights;
 }
 
+CostDensity::CostDensity(const CostWeights& weights, double reference_height_m,
+                         std::vector<double> heights_m)
+    : weights_(weights), reference_height_m_(reference_height_m), heights_m_(std::move(heights_m)) {
+  if (heights_m_.empty() || std::adjacent_find(heights_m_.begin(), heights_m_.end(),
+                                               std::greater_equal<>()) != heights_m_.end()) {
+    throw std::invalid_argument("the heights of a cost density must be ascending");
+  }
+}
+
 CostModel::CostModel(const map::Map& map, const CostWeights& weights,
-                     const SemanticCostTable& semantics, double unknown_visibility)
+                     const SemanticCostTable& semantics, double unknown_visibility,
+                     std::optional<double> reference_height_m)
     : map_(&map),
       weights_(weights),
+      density_(weights, reference_height_m.value_or(map.reference_height_m), heights_of(map)),
       visibility_(map.geometry, 0.0F),
       semantics_(map.geometry, 0.0F) {
+  if (!map::covers_height(map, density_.reference_height_m())) {
+    throw std::invalid_argument("the map knows no visibility at the reference height");
+  }
+  std::vector<const raster::Grid<std::uint16_t>*> bands;
+  for (const double height_m : density_.heights_m()) {
+    bands.push_back(&band_at(map, height_m));
+  }
+  visibilities_.reserve(bands.size() * visibility_.values().size());
   for (std::size_t i = 0; i < visibility_.values().size(); ++i) {
-    const std::uint16_t stored = map.visibility.values()[i];
+    for (const raster::Grid<std::uint16_t>* band : bands) {
+      const std::uint16_t stored = band->values()[i];
+      visibilities_.push_back(static_cast<float>(
+          stored == map::kVisibilityUnknown ? unknown_visibility : map::visibility_share(stored)));
+    }
     visibility_.values()[i] = static_cast<float>(
-        stored == map::kVisibilityUnknown ? unknown_visibility : map::visibility_share(stored));
+        density_.seen(visibilities_.data() + i * bands.size(), density_.reference_height_m()));
     semantics_.values()[i] = static_cast<float>(semantics.cost(map.semantics.values()[i]));
   }
+}
+
+double CostModel::seen(const geo::MapPoint& point, double height_m) const {
+  const raster::GridGeometry& geometry = visibility_.geometry();
+  return geometry.contains(point) ? density_.seen(visibilities(geometry.cell_at(point)), height_m)
+                                  : std::numeric_limits<double>::quiet_NaN();
 }
 
 double CostModel::visibility(const geo::MapPoint& point) const {
@@ -102,11 +151,12 @@ double CostModel::semantics(const geo::MapPoint& point) const {
 }
 
 double CostModel::density(const geo::MapPoint& point, double height_m) const {
-  const double above_m = height_m - map_->reference_height_m;
-  const double seen =
-      (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) * visibility(point);
-  return 1.0 + weights_.visibility * seen * seen + weights_.semantics * semantics(point) +
-         weights_.height_1pm * std::fabs(above_m);
+  const raster::GridGeometry& geometry = visibility_.geometry();
+  if (!geometry.contains(point)) {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  const raster::CellIndex cell = geometry.cell_at(point);
+  return density_(visibilities(cell), static_cast<double>(semantics_.at(cell)), height_m);
 }
 
 flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& waypoints,
@@ -129,9 +179,8 @@ flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& way
       const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
       const double height_m =
           a.altitude_m + t * dz_m - raster::sample_bilinear(map_->surface_m, point);
-      const double above_m = height_m - map_->reference_height_m;
-      const double seen =
-          (1.0 + weights_.visibility_per_height_1pm * std::max(above_m, 0.0)) * visibility(point);
+      const double above_m = height_m - reference_height_m();
+      const double seen = this->seen(point, height_m);
       cost.length_m += ds_m;
       cost.visibility_m += weights_.visibility * seen * seen * ds_m;
       cost.semantics_m += weights_.semantics * semantics(point) * ds_m;
@@ -152,10 +201,8 @@ flight::PathMeasures CostModel::measures(const flight::Trajectory& trajectory,
   };
   const auto integrand = [&](const flight::FlightState& state) {
     const double height_m = state.altitude_m - state.surface_m;
-    const double above_m = std::max(height_m - map_->reference_height_m, 0.0);
-    const double seen =
-        (1.0 + weights_.visibility_per_height_1pm * above_m) * visibility(state.point());
-    return Integrand{seen, semantics(state.point()), std::fabs(state.bank_rad), height_m};
+    return Integrand{seen(state.point(), height_m), semantics(state.point()),
+                     std::fabs(state.bank_rad), height_m};
   };
   Integrand before = integrand(trajectory.states.front());
   measures.max_height_m = before.height_m;

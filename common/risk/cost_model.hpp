@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,14 +40,82 @@ class SemanticCostTable {
 
 CostWeights read_weights(ConfigReader& reader);
 
+/// The integrand of eq. (1) without the map: what a kernel needs beside the layers of a cell.
+///
+///     1 + c_vis seen^2 + c_sem semantics + c_height |h - h_ref|
+///
+/// seen is the visibility at the height h. With one height it is the paper's
+/// (1 + c_vis,h max(h - h_ref, 0)) times the visibility at h_ref. With an exposure volume it is
+/// interpolated linearly between its heights, and the paper's factor only goes on above the
+/// highest.
+class CostDensity {
+ public:
+  CostDensity(const CostWeights& weights, double reference_height_m, std::vector<double> heights_m);
+
+  /// Heights whose visibility a cell must give, ascending; the reference height alone without an
+  /// exposure volume.
+  [[nodiscard]] const std::vector<double>& heights_m() const { return heights_m_; }
+  [[nodiscard]] double reference_height_m() const { return reference_height_m_; }
+
+  /// @param visibility  of the cell at each of heights_m().
+  [[nodiscard]] double seen(const float* visibility, double height_m) const {
+    const std::size_t last = heights_m_.size() - 1;
+    if (!(height_m < heights_m_[last])) {
+      const double above_m = height_m - heights_m_[last];
+      return (1.0 + weights_.visibility_per_height_1pm * above_m) *
+             static_cast<double>(visibility[last]);
+    }
+    std::size_t i = 0;
+    while (i < last && height_m >= heights_m_[i + 1]) {
+      ++i;
+    }
+    const double low = static_cast<double>(visibility[i]);
+    if (!(height_m > heights_m_[i])) {
+      return low;
+    }
+    const double share = (height_m - heights_m_[i]) / (heights_m_[i + 1] - heights_m_[i]);
+    return low + share * (static_cast<double>(visibility[i + 1]) - low);
+  }
+  /// >= 1.
+  [[nodiscard]] double operator()(const float* visibility, double semantics,
+                                  double height_m) const {
+    const double here = seen(visibility, height_m);
+    return 1.0 + weights_.visibility * here * here + weights_.semantics * semantics +
+           weights_.height_1pm * std::fabs(height_m - reference_height_m_);
+  }
+
+ private:
+  CostWeights weights_;
+  double reference_height_m_;
+  std::vector<double> heights_m_;
+};
+
 /// Cost layers of one map under one config, ready for fast queries. Holds references to the map.
 class CostModel {
  public:
+  /// `reference_height_m` is where the height term is zero and visibility() is taken; by default
+  /// that of the map. Another one must be covered by the map's exposure volume
+  /// (map::covers_height), else std::invalid_argument.
   CostModel(const map::Map& map, const CostWeights& weights, const SemanticCostTable& semantics,
-            double unknown_visibility);
+            double unknown_visibility, std::optional<double> reference_height_m = std::nullopt);
 
   [[nodiscard]] const map::Map& map() const { return *map_; }
   [[nodiscard]] const CostWeights& weights() const { return weights_; }
+
+  /// The integrand for kernels, and the visibilities of a cell for it: one after the other by
+  /// density_rule().heights_m().
+  [[nodiscard]] const CostDensity& density_rule() const { return density_; }
+  [[nodiscard]] const float* visibilities(raster::CellIndex cell) const {
+    const raster::GridGeometry& g = visibility_.geometry();
+    return visibilities_.data() +
+           (static_cast<std::size_t>(cell.row) * static_cast<std::size_t>(g.columns) +
+            static_cast<std::size_t>(cell.column)) *
+               density_.heights_m().size();
+  }
+  [[nodiscard]] double reference_height_m() const { return density_.reference_height_m(); }
+
+  /// Visibility at a height above the surface, NaN outside the map; see CostDensity::seen().
+  [[nodiscard]] double seen(const geo::MapPoint& point, double height_m) const;
 
   /// Visibility share at reference height, unknown replaced as configured; nearest cell.
   /// NaN outside the map, as are the functions below.
@@ -71,6 +141,8 @@ class CostModel {
  private:
   const map::Map* map_;
   CostWeights weights_;
+  CostDensity density_;
+  std::vector<float> visibilities_;  // by cell, then by height of density_
   raster::Grid<float> visibility_;
   raster::Grid<float> semantics_;
 };

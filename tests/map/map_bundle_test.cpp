@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <gdal_priv.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -94,6 +95,60 @@ TEST_F(BundleOnDisk, ReadsBackAsTheSameMap) {
   EXPECT_EQ(back.power_lines[1].poles[2].point.x_m, 690002.0);
   EXPECT_TRUE(std::isnan(back.terrain_m.at(52, 0)));
   EXPECT_EQ(visibility_share(back.visibility.at(1, 2)), map_.visibility.at(1, 2) / 65534.0);
+}
+
+TEST(MapBundle, AnExposureVolumeComesBackWithItsHeightsAndBelongsToTheHash) {
+  Map map = test::make_map(70, 40, 30.0, [](double x_m, double) { return 0.1 * x_m; });
+  const Hash128 without = map.hash;
+  map.further_visibility = {{5.5, raster::Grid<std::uint16_t>(map.geometry, 100)},
+                            {60.0, raster::Grid<std::uint16_t>(map.geometry, 900)}};
+  map.further_visibility[1].share.at(69, 0) = kVisibilityUnknown;
+  test::finish_map(map);
+  EXPECT_NE(map.hash, without);
+  test::TemporaryFolder folder;
+  write_map_bundle(map, "{}", folder.path());
+  const Map back = read_map_bundle(folder.path());
+  ASSERT_EQ(back.further_visibility.size(), 2U);
+  EXPECT_EQ(back.further_visibility[0].height_m, 5.5);
+  EXPECT_EQ(back.further_visibility[1].height_m, 60.0);
+  EXPECT_EQ(back.further_visibility[1].share.values(), map.further_visibility[1].share.values());
+  EXPECT_EQ(back.hash, map.hash);
+  EXPECT_TRUE(covers_height(back, 5.5));
+  EXPECT_TRUE(covers_height(back, 33.0));
+  EXPECT_FALSE(covers_height(back, 5.0));
+  EXPECT_FALSE(covers_height(back, 60.5));
+
+  for (const auto& spoil : std::vector<std::function<void(Map&)>>{
+           [](Map& m) { m.further_visibility[0].height_m = 70.0; },
+           [](Map& m) { m.further_visibility[0].height_m = m.reference_height_m; },
+           [](Map& m) { m.further_visibility[0].height_m = -1.0; },
+           [](Map& m) { m.further_visibility[0].share = raster::Grid<std::uint16_t>(); }}) {
+    Map bad = map;
+    spoil(bad);
+    bad.hash = map_hash(bad);
+    EXPECT_THROW(validate(bad), DataError);
+  }
+}
+
+TEST(MapBundle, HeightBandsAreWrittenWithTheirNames) {
+  const Map map = test::make_map(30, 20, 30.0, [](double, double) { return 1.0; });
+  raster::Grid<float> one(map.geometry, 3.0F);
+  one.at(2, 0) = std::numeric_limits<float>::quiet_NaN();
+  const raster::Grid<float> two(map.geometry, 7.5F);
+  test::TemporaryFolder folder;
+  write_height_bands(map, {{"tower", &one}, {"hill", &two}}, folder.path() / "threats.tif");
+  auto* dataset =
+      static_cast<GDALDataset*>(GDALOpen((folder.path() / "threats.tif").c_str(), GA_ReadOnly));
+  ASSERT_NE(dataset, nullptr);
+  ASSERT_EQ(dataset->GetRasterCount(), 2);
+  EXPECT_STREQ(dataset->GetRasterBand(2)->GetDescription(), "hill");
+  float values[3] = {0.0F, 0.0F, 0.0F};
+  ASSERT_EQ(dataset->GetRasterBand(1)->RasterIO(GF_Read, 0, 19, 3, 1, values, 3, 1, GDT_Float32, 0,
+                                                0, nullptr),
+            CE_None);
+  EXPECT_EQ(values[0], 3.0F);
+  EXPECT_TRUE(std::isnan(values[2]));
+  GDALClose(dataset);
 }
 
 TEST_F(BundleOnDisk, FilesAreNorthUpWithRowZeroOfMemoryInTheSouth) {

@@ -173,6 +173,18 @@ TEST_F(PlanningTest, MapForAnotherReferenceHeightIsRefused) {
   EXPECT_EQ(cause(request_), flight::NoPlanCause::kReferenceHeightMismatch);
 }
 
+TEST_F(PlanningTest, AnExposureVolumeServesOtherReferenceHeights) {
+  map_.reference_height_m = 30.0;
+  map_.further_visibility = {
+      {10.0, raster::Grid<std::uint16_t>(map_.geometry, test::stored_visibility(0.05))}};
+  test::finish_map(map_);
+  SilentObserver observer;
+
+  const auto route = plan_route(map_, request_, config_, {}, observer);  // for 15.24 m
+
+  EXPECT_TRUE(std::holds_alternative<flight::RoutePlan>(route));
+}
+
 TEST_F(PlanningTest, RouteOfAnotherMapIsRefused) {
   SilentObserver observer;
   const auto route = plan_route(map_, request_, config_, {}, observer);

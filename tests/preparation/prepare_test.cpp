@@ -1,5 +1,6 @@
 #include "preparation/prepare.hpp"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -14,6 +15,7 @@
 #include "base/shipped_config.hpp"
 #include "map/map_bundle.hpp"
 #include "map/source_layer.hpp"
+#include "preparation/ground_weights.hpp"
 #include "support/elevation_files.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -292,6 +294,113 @@ TEST_F(Prepare, TheMarginMakesTheBorderAsGoodAsTheMiddle) {
     }
   }
   EXPECT_TRUE(has(small, {0, 0}, SemanticClass::kUnmapped));
+}
+
+TEST_F(Prepare, TilesHaveTheBytesOfTheirPartOfTheWholeRegion) {
+  // A settlement, a forest and a power line across every cut, rough ground with holes.
+  const fs::path dem = path("dem.tif");
+  test::write_raster(dem, {"EPSG:32632", 492500.0, 5547500.0, 30.0, 500, 500, -9999.0, ""},
+                     [](double x, double y) {
+                       const auto mixed = static_cast<std::int64_t>(x * 7919.0 + y * 104729.0);
+                       return mixed % 97 == 0
+                                  ? -9999.0
+                                  : 400.0 + 60.0 * std::sin(x / 300.0) * std::cos(y / 250.0) +
+                                        static_cast<double>(mixed % 11);
+                     });
+  const double y = 5538630.0;
+  Drawing drawing;
+  drawing.rectangle(497000, y - 90, 503000, y + 90, tag("landuse", "residential"));
+  drawing.rectangle(499950, y - 2500, 500050, y + 2500, tag("landuse", "industrial"));
+  drawing.rectangle(498500, y + 400, 501500, y + 900, tag("natural", "wood"));
+  std::vector<int> poles;
+  for (int i = 0; i <= 8; ++i) {
+    poles.push_back(drawing.node(498000 + 500 * i, y - 1500 + 375 * i));
+  }
+  drawing.way(poles, tag("power", "line"));
+  drawing.write(path("a.osm"), box_deg(8.9, 49.9, 9.1, 50.1));
+  options_.visibility.further_heights_m = {40.0};
+  options_.ground_weights = {0.5, 1.0, 0.25, 1.0};
+  PrepareRequest request;
+  request.dem_files = {dem};
+  request.osm_files = {path("a.osm")};
+  request.extent = box_deg(8.98, 49.985, 9.02, 50.01);
+  request.threads = 2;
+  const map::Map whole = prepared(request).map;
+  EXPECT_TRUE(std::any_of(
+      whole.semantics.values().begin(), whole.semantics.values().end(), [](std::uint16_t bits) {
+        return (bits & static_cast<std::uint16_t>(SemanticClass::kSettlement)) != 0;
+      }));
+  std::size_t cells = 0;
+  for (const int count : {6, 1}) {
+    cells = 0;
+    for (int index = 1; index <= count; ++index) {
+      request.tile = TileNumber{index, count};
+      request.threads = 1 + index % 2;
+      const map::Map part = prepared(request).map;
+      const auto dx =
+          static_cast<int>(std::lround((part.geometry.west_m - whole.geometry.west_m) / 30.0));
+      const auto dy =
+          static_cast<int>(std::lround((part.geometry.south_m - whole.geometry.south_m) / 30.0));
+      ASSERT_EQ(part.further_visibility.size(), 1U);
+      cells += part.geometry.cell_count();
+      for (int row = 0; row < part.geometry.rows; ++row) {
+        for (int column = 0; column < part.geometry.columns; ++column) {
+          const raster::CellIndex there{column + dx, row + dy};
+          // Unknown heights are unequal to themselves.
+          const auto same = [](float a, float b) { return a == b || (a != a && b != b); };
+          ASSERT_TRUE(same(part.terrain_m.at(column, row), whole.terrain_m.at(there)));
+          ASSERT_TRUE(same(part.surface_m.at(column, row), whole.surface_m.at(there)));
+          ASSERT_EQ(part.semantics.at(column, row), whole.semantics.at(there));
+          ASSERT_EQ(part.visibility.at(column, row), whole.visibility.at(there));
+          ASSERT_EQ(part.further_visibility[0].share.at(column, row),
+                    whole.further_visibility[0].share.at(there));
+        }
+      }
+    }
+    EXPECT_EQ(cells, whole.geometry.cell_count());
+  }
+  for (const TileNumber& bad : {TileNumber{0, 4}, TileNumber{5, 4}, TileNumber{1, 0}}) {
+    request.tile = bad;
+    EXPECT_THROW((void)prepared(request), UsageError);
+  }
+}
+
+TEST_F(Prepare, NamedObserversGetALayerAndSayWhatTheySee) {
+  std::ofstream(path("observers.yaml")) << "observers:\n"
+                                           "  - {name: hill, latitude_deg: 50.0, longitude_deg: "
+                                           "9.0, mast_height_m: 30, range_m: 1000}\n"
+                                           "  - {name: far away, latitude_deg: 10.0, "
+                                           "longitude_deg: 9.0, mast_height_m: 3, range_m: 99}\n";
+  PrepareRequest request;
+  request.dem_files = {elevation([](double, double) { return 400.0; })};
+  request.extent = box_deg(8.97, 49.98, 9.03, 50.02);
+  request.observers_file = path("observers.yaml");
+  const PreparedMap result = prepared(request);
+  ASSERT_EQ(result.threats.size(), 2U);
+  EXPECT_EQ(result.threats[0].name, "hill");
+  const raster::Grid<float>& seen = result.threats[0].lowest_seen_m;
+  ASSERT_EQ(seen.geometry(), result.map.geometry);
+  EXPECT_EQ(seen.at(cell(result.map, 500600, 5538630)), 0.0F);  // level ground
+  const auto threats = nlohmann::json::parse(result.provenance_json)["threats"];
+  // pi 1000^2 / 30^2 cells
+  EXPECT_NEAR(threats[0]["cells_in_range"].get<double>(), 3490.7, 70.0);
+  EXPECT_EQ(threats[1]["cells_in_range"], 0);
+}
+
+TEST_F(Prepare, GroundOfAKindCountsAsTheConfigSays) {
+  raster::Grid<std::uint16_t> semantics({0.0, 0.0, 30.0, 5, 1}, 0);
+  const auto set = [&](int column, std::initializer_list<SemanticClass> classes) {
+    for (const SemanticClass one : classes) {
+      semantics.at(column, 0) |= static_cast<std::uint16_t>(one);
+    }
+  };
+  set(0, {SemanticClass::kForest});
+  set(1, {SemanticClass::kForest, SemanticClass::kSettlement});
+  set(2, {SemanticClass::kWater});
+  set(3, {SemanticClass::kSettlementDesired, SemanticClass::kPowerLine});
+  const auto weights = ground_weights(semantics, {0.25, 0.5, 0.0, 1.0});
+  EXPECT_THAT(weights.values(), testing::ElementsAre(16, 32, 0, 64, 64));
+  EXPECT_TRUE(ground_weights(semantics, {1.0, 1.0, 1.0, 1.0}).is_empty());
 }
 
 TEST_F(Prepare, SameFilesGiveTheSameBundleWhateverTheThreads) {

@@ -100,6 +100,60 @@ TEST(CostModel, DensityIsTheIntegrandOfEquationOneByHand) {
   EXPECT_NEAR(costs.density(point, kReference_m - 5.0), 1.0 + 6.25 + 1.0 + 0.05, 1e-3);
 }
 
+// Half visible at the reference height, 0.7 at 40 m, 0.9 at 100 m; 0.3 at 10 m.
+map::Map plain_with_exposure_volume() {
+  map::Map map = half_seen_plain();
+  for (const auto& [height_m, share] :
+       {std::pair{10.0, 0.3}, std::pair{40.0, 0.7}, std::pair{100.0, 0.9}}) {
+    map.further_visibility.push_back(
+        {height_m, raster::Grid<std::uint16_t>(map.geometry, test::stored_visibility(share))});
+  }
+  test::finish_map(map);
+  map::validate(map);
+  return map;
+}
+
+TEST(CostModel, AnExposureVolumeTakesThePlaceOfTheFactorThatGrowsWithHeight) {
+  const map::Map map = plain_with_exposure_volume();
+  const CostModel costs(map, {25.0, 0.02, 0.0, 0.0}, kFree, 1.0);
+  const geo::MapPoint point = map.geometry.centre({50, 50});
+  EXPECT_NEAR(costs.seen(point, 2.0), 0.3, 1e-4);  // below the lowest: as there
+  EXPECT_NEAR(costs.seen(point, kReference_m), 0.5, 1e-4);
+  EXPECT_NEAR(costs.seen(point, 40.0), 0.7, 1e-4);
+  EXPECT_NEAR(costs.seen(point, 70.0), 0.8, 1e-4);         // half way from 40 to 100 m
+  EXPECT_NEAR(costs.seen(point, 110.0), 0.9 * 1.2, 1e-4);  // the factor above the highest
+  EXPECT_NEAR(costs.density(point, 70.0), 1.0 + 25.0 * 0.8 * 0.8, 0.01);
+  const flight::RouteCost cost = costs.route_cost({{300, 300, 170.0}, {900, 300, 170.0}}, 5.0);
+  EXPECT_NEAR(cost.visibility_m, 600.0 * 25.0 * 0.64, 5.0);
+}
+
+TEST(CostModel, AnotherReferenceHeightNeedsAnExposureVolumeThatCoversIt) {
+  const map::Map map = plain_with_exposure_volume();
+  const CostModel costs(map, {25.0, 0.02, 0.0, 0.01}, kFree, 1.0, 70.0);
+  const geo::MapPoint point = map.geometry.centre({50, 50});
+  EXPECT_EQ(costs.reference_height_m(), 70.0);
+  EXPECT_NEAR(costs.visibility(point), 0.8, 1e-4);
+  EXPECT_NEAR(costs.density(point, 100.0), 1.0 + 25.0 * 0.81 + 0.01 * 30.0, 0.01);
+  EXPECT_THROW(CostModel(map, {}, kFree, 1.0, 101.0), std::invalid_argument);
+  EXPECT_THROW(CostModel(half_seen_plain(), {}, kFree, 1.0, 16.0), std::invalid_argument);
+}
+
+TEST(CostModel, TheRuleForKernelsIsTheDensity) {
+  map::Map map = plain_with_exposure_volume();
+  map.visibility.at(3, 4) = map::kVisibilityUnknown;
+  const CostModel costs(map, {25.0, 0.02, 4.0, 0.01}, kFree, 0.95);
+  for (const double height_m : {0.0, 12.0, 15.24, 33.0, 100.0, 300.0}) {
+    for (const raster::CellIndex cell : {raster::CellIndex{3, 4}, raster::CellIndex{70, 80}}) {
+      EXPECT_EQ(
+          costs.density_rule()(costs.visibilities(cell),
+                               static_cast<double>(costs.semantics_layer().at(cell)), height_m),
+          costs.density(map.geometry.centre(cell), height_m));
+    }
+  }
+  EXPECT_THROW(CostDensity({}, 15.0, {}), std::invalid_argument);
+  EXPECT_THROW(CostDensity({}, 15.0, {15.0, 15.0}), std::invalid_argument);
+}
+
 TEST(CostModel, UnknownVisibilityCountsAsConfigured) {
   map::Map map = half_seen_plain();
   map.visibility.at(3, 4) = map::kVisibilityUnknown;
