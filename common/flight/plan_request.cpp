@@ -54,6 +54,8 @@ const char* name_of(NoPlanCause cause) {
       return "local_planner_stuck";
     case NoPlanCause::kStopped:
       return "stopped";
+    case NoPlanCause::kClimbLimit:
+      return "climb_limit";
   }
   HEDGEHOP_ASSERT(!"a cause without a name");
   return "";

@@ -40,10 +40,11 @@ enum class NoPlanCause : std::uint8_t {
   kGoalAboveEnvelope,
   kGoalEqualsStart,
   kReferenceHeightMismatch,  // the map's visibility was computed for another height
-  kSearchSpaceDisconnected,  // proved: no connection within the envelope and climb limits
+  kSearchSpaceDisconnected,  // proved: no connection within the height envelope
   kBudgetExhausted,          // not found within the work budget: nothing is proved
   kLocalPlannerStuck,        // the command model could not reach the goal along the route
   kStopped,                  // cancelled before a first route was found
+  kClimbLimit,               // proved: climb and turn limits hold every route near one end
 };
 
 /// "start_outside_map" and so on.

@@ -92,7 +92,6 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
       inverse_cell_1pm_(1.0 / geometry_.cell_m),
       floor_m_(options.envelope_floor_m),
       ceiling_m_(options.envelope_ceiling_m),
-      reference_height_m_(costs.map().reference_height_m),
       check_step_m_(options.check_step_m),
       final_check_step_m_(options.final_check_step_m),
       climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
@@ -106,7 +105,9 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
   cells_.resize(geometry_.cell_count());
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     cells_[i] = {map.surface_m.values()[i], dilated.values()[i],
-                 costs.visibility_layer().values()[i], costs.semantics_layer().values()[i]};
+                 costs.semantics_layer().values()[i],
+                 costs.visibilities({static_cast<int>(i) % geometry_.columns,
+                                     static_cast<int>(i) / geometry_.columns})};
   }
   const std::array<flight::Waypoint, 2> ends = {start, goal};
   for (std::size_t i = 0; i < ends.size(); ++i) {
@@ -210,7 +211,6 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
   const double dz_m = b.altitude_m - a.altitude_m;
   const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
   const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / check_step_m_)));
-  const risk::CostWeights& weights = costs_->weights();
   const double share = 1.0 / steps;
   double sum = 0.0;
   const auto add = [&](int k) {
@@ -220,12 +220,7 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
     if (!(altitude_m >= here.band.low_m && altitude_m <= here.band.high_m)) {
       return false;
     }
-    const double above_m = altitude_m - here.surface_m - reference_height_m_;
-    const double seen = (1.0 + weights.visibility_per_height_1pm * std::max(above_m, 0.0)) *
-                        static_cast<double>(here.nearest->visibility);
-    sum += 1.0 + weights.visibility * seen * seen +
-           weights.semantics * static_cast<double>(here.nearest->semantics) +
-           weights.height_1pm * std::fabs(above_m);
+    sum += density(*here.nearest, altitude_m - here.surface_m);
     return true;
   };
   // Legs between two good states fail in the middle, if anywhere: begin there.
@@ -309,6 +304,56 @@ bool FlightEnvelope::is_clear(const flight::Waypoint& a, const flight::Waypoint&
     t = end;
   }
   return true;
+}
+
+FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo::MapPoint& b,
+                                               const AltitudeBand& altitudes,
+                                               const FollowRules& rules) const {
+  const double dx_m = b.x_m - a.x_m;
+  const double dy_m = b.y_m - a.y_m;
+  const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+  const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / rules.step_m)));
+  const double rise_m = rules.climb_share * climb_tangent_max_ * leg_m / steps;
+  Arrival result{altitudes, 0.0};
+  double sum = 0.0;
+  for (int k = 1; k <= steps; ++k) {
+    const double t = static_cast<double>(k) / steps;
+    const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
+    const Sample here = sample(point.x_m, point.y_m);
+    double margin_m = rules.margin_m;
+    for (const End& end : ends_) {
+      const double from_x_m = point.x_m - end.x_m;
+      const double from_y_m = point.y_m - end.y_m;
+      const double square_m2 = from_x_m * from_x_m + from_y_m * from_y_m;
+      margin_m = std::min(margin_m, rules.margin_m * square_m2 / (funnel_m_ * funnel_m_));
+    }
+    result.altitudes.low_m = std::max(result.altitudes.low_m - rise_m, here.band.low_m + margin_m);
+    result.altitudes.high_m =
+        std::min(result.altitudes.high_m + rise_m, here.band.high_m - margin_m);
+    // Unknown ground leaves NaN in the band, which max and min would lose.
+    if (!(result.altitudes.low_m <= result.altitudes.high_m) || here.nearest == nullptr ||
+        !here.band.is_flyable()) {
+      return {{kInfinity, -kInfinity}, kInfinity};
+    }
+    sum += density(*here.nearest, result.altitudes.low_m - here.surface_m);
+  }
+  result.cost_m = sum * leg_m / steps;
+  return result;
+}
+
+double FlightEnvelope::low_density(raster::CellIndex at) const {
+  const Cell& here = cell(at.column, at.row);
+  const double lowest_m = static_cast<double>(here.dilated_m) + floor_m_;
+  const double surface_m = static_cast<double>(here.surface_m);
+  if (!(lowest_m <= surface_m + ceiling_m_)) {
+    return kInfinity;
+  }
+  return density(here, lowest_m - surface_m);
+}
+
+double FlightEnvelope::density(const Cell& at, double height_m) const {
+  const risk::CostDensity& rule = costs_->density_rule();
+  return rule(at.visibilities, static_cast<double>(at.semantics), height_m);
 }
 
 bool FlightEnvelope::is_turn_allowed(double first_x_m, double first_y_m, double second_x_m,

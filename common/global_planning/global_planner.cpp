@@ -1,6 +1,7 @@
 #include "global_planning/global_planner.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <ompl/base/Planner.h>
@@ -11,11 +12,16 @@
 #include <string>
 #include <utility>
 
+#include "base/angles.hpp"
 #include "global_planning/bit_star.hpp"
 #include "global_planning/bit_star_search.hpp"
+#include "global_planning/corridor_refinement.hpp"
+#include "global_planning/enclosure.hpp"
 #include "global_planning/flight_envelope.hpp"
+#include "global_planning/lattice_search.hpp"
 #include "global_planning/reachability.hpp"
 #include "global_planning/route_finish.hpp"
+#include "global_planning/track_profile.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
@@ -26,6 +32,14 @@ using flight::NoPlanCause;
 // The shortcut scan gets this share of the budget, but no more than a long route can use.
 constexpr std::int64_t kShortcutShare = 20;
 constexpr std::int64_t kShortcutWorkMax = 5000;
+// A third of the budget is kept for the refinement.
+constexpr std::int64_t kRefineShare = 3;
+constexpr double kProfileStep_m = 10.0;
+// The second one only where the profile of the first track does not fit between its samples.
+constexpr std::array<LatticeSpare, 2> kLatticeSpares = {{{2.0, 0.97}, {6.0, 0.85}}};
+constexpr double kCostStep_m = 1.0;  // of the cost that is reported
+// BIT* after a lattice that found nothing: it seldom succeeds, and then soon.
+constexpr std::int64_t kFallbackWork = 200000;
 
 std::string text_of(double value) {
   std::ostringstream text;
@@ -89,6 +103,49 @@ NoPlan no_plan_of(const Disconnection& gap) {
   return {NoPlanCause::kSearchSpaceDisconnected, gap.nearest_to_goal, why.str()};
 }
 
+// How far from an end, and with how many steps, it is tried to prove that nothing leaves it.
+constexpr double kEnclosureReach_m = 5000.0;
+constexpr std::int64_t kEnclosureWork = 300'000'000;
+
+// Why a search found nothing, if climb and turn limits hold every route near one end.
+std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
+                                        const GlobalOptions& options) {
+  for (const bool is_goal : {true, false}) {
+    const flight::Waypoint& end = is_goal ? envelope.goal() : envelope.start();
+    const flight::Waypoint& other = is_goal ? envelope.start() : envelope.goal();
+    const auto proof = [&](double climb_angle_rad) {
+      GlobalOptions steeper = options;
+      steeper.climb_angle_max_rad = climb_angle_rad;
+      return prove_enclosed(envelope, steeper, end, other, kEnclosureReach_m, kEnclosureWork);
+    };
+    const auto enclosure = proof(options.climb_angle_max_rad);
+    if (!enclosure) {
+      continue;
+    }
+    double needed_rad = options.climb_angle_max_rad;
+    for (const double more_deg : {0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0}) {
+      const double climb_angle_rad = options.climb_angle_max_rad + radians_from_degrees(more_deg);
+      if (!proof(climb_angle_rad)) {
+        break;
+      }
+      needed_rad = climb_angle_rad;
+    }
+    return NoPlan{NoPlanCause::kClimbLimit, end.point(),
+                  std::string("no route ") + (is_goal ? "reaches the goal" : "leaves the start") +
+                      ": with climbs of at most " +
+                      text_of(degrees_from_radians(options.climb_angle_max_rad)) +
+                      " degrees and turns of at least " + text_of(options.turn_radius_m) +
+                      " m radius between " + text_of(options.envelope_floor_m) + " and " +
+                      text_of(options.envelope_ceiling_m) +
+                      " m above this steep ground, nothing gets farther than " +
+                      text_of(enclosure->reach_m) + " m from it; it would take more than " +
+                      text_of(degrees_from_radians(needed_rad)) + " degrees. Choose another " +
+                      (is_goal ? "goal" : "start") +
+                      ", raise global.envelope_ceiling_m, or fly slower"};
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 GlobalOptions read_global_options(ConfigReader& reader) {
@@ -127,6 +184,12 @@ GlobalOptions read_global_options(ConfigReader& reader) {
   reader.require(options.radius_max_m >= options.check_step_m, "radius_max_m",
                  "must not be below check_step_m");
   options.heading_labels = reader.required_bool("heading_labels");
+  const std::string planner = reader.required_string("planner");
+  reader.require(planner == "lattice" || planner == "bit_star", "planner",
+                 "must be lattice or bit_star");
+  options.use_lattice = planner == "lattice";
+  options.refine = reader.required_bool("refine");
+  positive("field_block_m", options.field_block_m);
   options.work_budget = reader.required_integer("work_budget");
   reader.require(options.work_budget >= 1, "work_budget", "must be at least 1");
   reader.finish();
@@ -158,48 +221,88 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
 
   const std::int64_t budget = problem.work_budget;
   const std::int64_t shortcut_budget = std::min(budget / kShortcutShare, kShortcutWorkMax);
-  const auto tell = [&](const BitStarSearch& search) {
+  const std::int64_t search_budget = budget - shortcut_budget;
+  const auto should_stop = [&observer] { return observer.stop_requested(); };
+  flight::Route route;
+  // Each metre costs at least 1; rounding of long sums must not exceed the straight leg.
+  double lower_bound_m = flight::length_m({problem.start, problem.goal}) * (1.0 - 1e-9);
+
+  const std::int64_t refine_budget = options.refine ? search_budget / kRefineShare : 0;
+  const auto tell = [&](double best_cost_m) {
     if (on_progress) {
-      on_progress(RouteProgress{search.counts().work_units, budget, search.best_cost_m(),
-                                search.lower_bound_m()});
+      on_progress(RouteProgress{route.work_units, budget, best_cost_m, lower_bound_m});
     }
   };
-  const auto space = make_space_information(envelope, options.check_step_m);
-  const auto planner =
-      make_bit_star(space, envelope, options, problem.seed, {budget - shortcut_budget, tell});
-  planner->setProblemDefinition(make_problem(space, envelope));
-  planner->setup();
-  planner->solve(
-      ompl::base::PlannerTerminationCondition([&observer] { return observer.stop_requested(); }));
-  const BitStarSearch* search = search_of(*planner);
-  HEDGEHOP_ASSERT(search != nullptr);
-
-  const SearchCounts counts = search->counts();
-  if (!search->has_route()) {
-    if (observer.stop_requested()) {
-      return NoPlan{NoPlanCause::kStopped, std::nullopt,
-                    "stopped before a first route was found, after " +
-                        std::to_string(counts.work_units) + " edge evaluations"};
+  tell(std::numeric_limits<double>::infinity());
+  if (options.use_lattice) {
+    for (const LatticeSpare& spare : kLatticeSpares) {
+      const LatticeResult found = search_lattice(
+          envelope, options, spare, search_budget - refine_budget - route.work_units, should_stop);
+      route.work_units += found.work_units;
+      if (found.track.empty()) {
+        break;
+      }
+      route.waypoints = lowest_profile(envelope, found.track, kProfileStep_m);
+      if (!route.waypoints.empty()) {
+        break;
+      }
     }
-    return NoPlan{NoPlanCause::kBudgetExhausted, problem.goal.point(),
-                  "no route was found with " + std::to_string(counts.work_units) +
-                      " edge evaluations and " + std::to_string(counts.samples) +
-                      " states, which proves nothing; give more work (global.work_budget), raise "
-                      "global.envelope_ceiling_m or move start or goal to more open ground"};
+  }
+  if (route.waypoints.empty()) {
+    const std::int64_t spent = route.work_units;
+    const auto tell_of = [&](const BitStarSearch& search) {
+      if (on_progress) {
+        on_progress(RouteProgress{spent + search.counts().work_units, budget, search.best_cost_m(),
+                                  search.lower_bound_m()});
+      }
+    };
+    const auto space = make_space_information(envelope, options.check_step_m);
+    const auto planner = make_bit_star(space, envelope, options, problem.seed,
+                                       {std::min(search_budget - refine_budget - spent,
+                                                 options.use_lattice ? kFallbackWork : budget),
+                                        tell_of});
+    planner->setProblemDefinition(make_problem(space, envelope));
+    planner->setup();
+    planner->solve(ompl::base::PlannerTerminationCondition(should_stop));
+    const BitStarSearch* search = search_of(*planner);
+    HEDGEHOP_ASSERT(search != nullptr);
+    const SearchCounts counts = search->counts();
+    route.work_units += counts.work_units;
+    route.samples = counts.samples;
+    route.batches = counts.batches;
+    lower_bound_m = search->lower_bound_m();
+    if (!search->has_route()) {
+      if (observer.stop_requested()) {
+        return NoPlan{NoPlanCause::kStopped, std::nullopt,
+                      "stopped before a first route was found, after " +
+                          std::to_string(route.work_units) + " edge evaluations"};
+      }
+      if (auto proof = prove_climb_limit(envelope, options)) {
+        return *std::move(proof);
+      }
+      return NoPlan{NoPlanCause::kBudgetExhausted, problem.goal.point(),
+                    "no route was found with " + std::to_string(route.work_units) +
+                        " edge evaluations and " + std::to_string(counts.samples) +
+                        " states, which proves nothing; give more work (global.work_budget), "
+                        "raise global.envelope_ceiling_m or move start or goal to more open "
+                        "ground"};
+    }
+    route.waypoints = search->best_route();
   }
 
-  flight::Route route;
-  route.waypoints = search->best_route();
-  route.work_units = counts.work_units;
-  route.samples = counts.samples;
-  route.batches = counts.batches;
+  tell(costs.route_cost(route.waypoints, kCostStep_m).total_m());
+  if (options.refine) {
+    refine(envelope, search_budget, route.work_units, route.waypoints,
+           [&](double best_cost_m, std::int64_t) {
+             tell(best_cost_m);
+             return observer.stop_requested();
+           });
+  }
   cut_short(envelope, options.final_check_step_m, budget, route.work_units, route.waypoints);
   route.guide = equidistant(route.waypoints, options.guide_spacing_m, route.guide_spacing_m);
-  route.cost = costs.route_cost(route.waypoints, options.final_check_step_m);
-  route.lower_bound_m = std::min(search->lower_bound_m(), route.cost.total_m());
-  if (on_progress) {
-    on_progress(RouteProgress{route.work_units, budget, route.cost.total_m(), route.lower_bound_m});
-  }
+  route.cost = costs.route_cost(route.waypoints, kCostStep_m);
+  route.lower_bound_m = std::min(lower_bound_m, route.cost.total_m());
+  tell(route.cost.total_m());
   return route;
 }
 

@@ -31,7 +31,10 @@ struct GlobalOptions {
   double radius_factor = 0.0;    // of the r-disc of the random geometric graph
   bool heading_labels = false;   // extension: search the first route over directed edges
   double radius_max_m = 0.0;     // longer edges are left to the shortcut scan
-  std::int64_t work_budget = 0;  // edge evaluations plus states drawn
+  bool use_lattice = false;      // first route from search_lattice; BIT* only where that fails
+  bool refine = false;           // corridor refinement of the first planner's route
+  double field_block_m = 0.0;    // resolution of the cost field that leads the lattice search
+  std::int64_t work_budget = 0;  // legs evaluated plus states drawn; ten legs of refine() are one
 };
 GlobalOptions read_global_options(ConfigReader& reader);
 

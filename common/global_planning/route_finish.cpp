@@ -6,18 +6,57 @@
 namespace hedgehop::global_planning {
 namespace {
 
-bool is_corner_allowed(const FlightEnvelope& envelope, const flight::Waypoint& before,
-                       const flight::Waypoint& corner, const flight::Waypoint& after) {
-  return envelope.is_turn_allowed(corner.x_m - before.x_m, corner.y_m - before.y_m,
-                                  after.x_m - corner.x_m, after.y_m - corner.y_m);
-}
+// Turns below this are straight: it moves the end of a leg of 10 km by a millimetre.
+constexpr double kStraight_rad = 1e-7;
 
 }  // namespace
+
+bool are_turns_allowed(const FlightEnvelope& envelope,
+                       const std::vector<flight::Waypoint>& waypoints) {
+  std::vector<geo::MapPoint> corners;
+  const auto is_straight = [](const geo::MapPoint& a, const geo::MapPoint& b,
+                              const geo::MapPoint& c) {
+    const double first_x_m = b.x_m - a.x_m;
+    const double first_y_m = b.y_m - a.y_m;
+    const double second_x_m = c.x_m - b.x_m;
+    const double second_y_m = c.y_m - b.y_m;
+    const double along = first_x_m * second_x_m + first_y_m * second_y_m;
+    return along > 0.0 &&
+           std::fabs(first_x_m * second_y_m - first_y_m * second_x_m) <= kStraight_rad * along;
+  };
+  for (const flight::Waypoint& waypoint : waypoints) {
+    while (corners.size() >= 2 &&
+           is_straight(corners[corners.size() - 2], corners.back(), waypoint.point())) {
+      corners.pop_back();
+    }
+    corners.push_back(waypoint.point());
+  }
+  for (std::size_t i = 2; i < corners.size(); ++i) {
+    if (!envelope.is_turn_allowed(
+            corners[i - 1].x_m - corners[i - 2].x_m, corners[i - 1].y_m - corners[i - 2].y_m,
+            corners[i].x_m - corners[i - 1].x_m, corners[i].y_m - corners[i - 1].y_m)) {
+      return false;
+    }
+  }
+  return true;
+}
 
 void cut_short(const FlightEnvelope& envelope, double step_m, std::int64_t work_budget,
                std::int64_t& work_units, std::vector<flight::Waypoint>& waypoints) {
   const auto cost_m = [&](const flight::Waypoint& a, const flight::Waypoint& b) {
     return envelope.costs().route_cost({a, b}, step_m).total_m();
+  };
+  // Corners as far as the leg from i to j can touch them: the straight runs beside it and their
+  // other ends.
+  std::vector<flight::Waypoint> around;
+  const auto is_turn_kept = [&](std::size_t i, std::size_t j) {
+    constexpr std::size_t kAround = 40;
+    around.assign(waypoints.begin() + static_cast<std::ptrdiff_t>(i - std::min(i, kAround)),
+                  waypoints.begin() + static_cast<std::ptrdiff_t>(i) + 1);
+    around.insert(around.end(), waypoints.begin() + static_cast<std::ptrdiff_t>(j),
+                  waypoints.begin() +
+                      static_cast<std::ptrdiff_t>(std::min(j + kAround, waypoints.size() - 1)) + 1);
+    return are_turns_allowed(envelope, around);
   };
   bool has_changed = true;
   while (has_changed) {
@@ -30,9 +69,7 @@ void cut_short(const FlightEnvelope& envelope, double step_m, std::int64_t work_
         along_m += cost_m(waypoints[j - 1], waypoints[j]);
         const flight::Waypoint& a = waypoints[i];
         const flight::Waypoint& b = waypoints[j];
-        if (!envelope.is_climb_allowed(a, b) ||
-            (i > 0 && !is_corner_allowed(envelope, waypoints[i - 1], a, b)) ||
-            (j + 1 < waypoints.size() && !is_corner_allowed(envelope, a, b, waypoints[j + 1]))) {
+        if (!envelope.is_climb_allowed(a, b) || !is_turn_kept(i, j)) {
           continue;
         }
         if (work_units >= work_budget) {

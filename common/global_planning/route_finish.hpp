@@ -8,6 +8,11 @@
 
 namespace hedgehop::global_planning {
 
+/// Whether FlightEnvelope::is_turn_allowed holds at every corner of a route in plan view. Waypoints
+/// on a straight run change the climb alone; what must hold the arc beside a corner is the run.
+bool are_turns_allowed(const FlightEnvelope& envelope,
+                       const std::vector<flight::Waypoint>& waypoints);
+
 /// Scans for shortcuts: legs between two waypoints that skip at least one other, are clear, turn no
 /// more than allowed at both ends, and cost less than what they replace. Each waypoint is tried
 /// with each later one, the greatest saving is taken, and the scan repeats until nothing is found.

@@ -23,7 +23,8 @@ constexpr NoPlanCause kCauses[] = {
     NoPlanCause::kStartAboveEnvelope,      NoPlanCause::kGoalAboveEnvelope,
     NoPlanCause::kGoalEqualsStart,         NoPlanCause::kReferenceHeightMismatch,
     NoPlanCause::kSearchSpaceDisconnected, NoPlanCause::kBudgetExhausted,
-    NoPlanCause::kLocalPlannerStuck,       NoPlanCause::kStopped};
+    NoPlanCause::kLocalPlannerStuck,       NoPlanCause::kStopped,
+    NoPlanCause::kClimbLimit};
 
 TEST(RouteLength, IsThatOfThreeDimensions) {
   EXPECT_EQ(length_m({}), 0.0);

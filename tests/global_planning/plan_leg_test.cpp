@@ -1,3 +1,4 @@
+#include <array>
 #include <cmath>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -64,18 +65,30 @@ void expect_lawful(const PlanningCase& in, const GlobalOptions& options, const R
       ASSERT_GE(at.altitude_m, highest_m + options.envelope_floor_m - 1e-5);
     }
   }
-  for (std::size_t i = 2; i < route.waypoints.size(); ++i) {
-    const Waypoint& a = route.waypoints[i - 2];
-    const Waypoint& b = route.waypoints[i - 1];
-    const Waypoint& c = route.waypoints[i];
-    const double turn_rad = std::fabs(wrap_to_pi(std::atan2(c.y_m - b.y_m, c.x_m - b.x_m) -
-                                                 std::atan2(b.y_m - a.y_m, b.x_m - a.x_m)));
+  // Turns: in plan view, waypoints on a straight run change the climb alone.
+  std::vector<Waypoint> corners;
+  const auto turn_at = [](const Waypoint& a, const Waypoint& b, const Waypoint& c) {
+    return std::fabs(wrap_to_pi(std::atan2(c.y_m - b.y_m, c.x_m - b.x_m) -
+                                std::atan2(b.y_m - a.y_m, b.x_m - a.x_m)));
+  };
+  for (const Waypoint& waypoint : route.waypoints) {
+    while (corners.size() >= 2 &&
+           turn_at(corners[corners.size() - 2], corners.back(), waypoint) < 1e-7) {
+      corners.pop_back();
+    }
+    corners.push_back(waypoint);
+  }
+  for (std::size_t i = 2; i < corners.size(); ++i) {
+    const Waypoint& a = corners[i - 2];
+    const Waypoint& b = corners[i - 1];
+    const Waypoint& c = corners[i];
+    const double turn_rad = turn_at(a, b, c);
     EXPECT_LE(turn_rad, options.turn_angle_max_rad + 1e-9);
     EXPECT_LE(options.turn_radius_m * std::tan(0.5 * turn_rad),
               0.5 * std::min(plan_distance_m(a, b), plan_distance_m(b, c)) + 1e-6);
   }
-  // Cost: 1 m steps against the reported ones, which jump at cell edges.
-  const double fine_m = in.costs.route_cost(route.waypoints, 1.0).total_m();
+  // Cost: steps of 0.1 m against the reported ones, which jump at cell edges.
+  const double fine_m = in.costs.route_cost(route.waypoints, 0.1).total_m();
   EXPECT_NEAR(route.cost.total_m(), fine_m, 0.01 * fine_m);
   EXPECT_LE(route.lower_bound_m, route.cost.total_m());
   // Guide
@@ -102,7 +115,14 @@ TEST(PlanLeg, OverFlatGroundWithoutRiskTheRouteIsTheStraightLine) {
   EXPECT_EQ(route->waypoints.size(), 2U);
   EXPECT_NEAR(route->cost.total_m(), 5000.0, 1e-6);
   EXPECT_NEAR(route->lower_bound_m, 5000.0, 1e-4);
-  EXPECT_EQ(route->batches, 1);  // then it is proved optimal
+  EXPECT_EQ(route->batches, 0);  // the lattice alone
+
+  GlobalOptions bit_star = shipped_global_options();
+  bit_star.use_lattice = false;
+  const auto second = plan(in, bit_star, in.above(1000, 1000, 30.0), in.above(5000, 4000, 30.0));
+  ASSERT_TRUE(std::holds_alternative<Route>(second));
+  EXPECT_EQ(std::get<Route>(second).waypoints.size(), 2U);
+  EXPECT_EQ(std::get<Route>(second).batches, 1);  // then it is proved optimal
 }
 
 TEST(PlanLeg, RoutesOverRandomHillsKeepEverythingTheyPromise) {
@@ -113,7 +133,9 @@ TEST(PlanLeg, RoutesOverRandomHillsKeepEverythingTheyPromise) {
   for (int k = 0; k < 6; ++k) {
     const double relief_m = 150.0 + 130.0 * k;
     const PlanningCase in(test::make_fractal_map(random(), 200, 30.0, 3000.0, relief_m), kWeights);
-    const GlobalOptions options = shipped_global_options(30000);
+    GlobalOptions options = shipped_global_options(30000);
+    options.use_lattice = k % 2 == 0;
+    options.refine = k < 4;
     const Waypoint start = in.above(500 + 1500 * unit(random), 500 + 5000 * unit(random));
     const Waypoint goal = in.above(4000 + 1500 * unit(random), 500 + 5000 * unit(random));
     const auto result = plan(in, options, start, goal, random());
@@ -183,9 +205,45 @@ TEST(PlanLeg, AHighlyVisibleDiscIsFlownAround) {
   EXPECT_LT(route->cost.total_m(), 0.2 * in.costs.route_cost({start, goal}, 5.0).total_m());
 }
 
+TEST(PlanLeg, TheLatticeWithRefinementBeatsBitStarAndEitherIsBetterRefined) {
+  const std::uint64_t seed = test::fresh_seed();
+  double lattice_m = 0.0;
+  double bit_star_m = 0.0;
+  int compared = 0;
+  for (std::uint64_t k = 0; k < 3; ++k) {
+    const PlanningCase in(test::make_fractal_map(seed + k, 250, 30.0, 3000.0, 350.0), kWeights);
+    const Waypoint start = in.above(1000, 1000);
+    const Waypoint goal = in.above(6500, 6000);
+    std::array<double, 4> cost_m{};
+    bool is_complete = true;
+    for (std::size_t which = 0; which < cost_m.size(); ++which) {
+      GlobalOptions options = shipped_global_options(60000);
+      options.use_lattice = which < 2;
+      options.refine = which % 2 == 0;
+      const auto result = plan(in, options, start, goal, 5);
+      const auto* route = std::get_if<Route>(&result);
+      is_complete = is_complete && route != nullptr;
+      cost_m[which] = route != nullptr ? route->cost.total_m() : 0.0;
+      if (route != nullptr) {
+        expect_lawful(in, options, *route, start, goal);
+      }
+    }
+    if (is_complete) {
+      ++compared;
+      lattice_m += cost_m[0];
+      bit_star_m += cost_m[3];
+      EXPECT_LE(cost_m[0], 1.005 * cost_m[1]);  // shortcuts come last and know other corners
+      EXPECT_LE(cost_m[2], 1.1 * cost_m[3]);    // with a third less of the search
+    }
+  }
+  ASSERT_GE(compared, 2);
+  EXPECT_LT(lattice_m, bit_star_m);
+}
+
 TEST(PlanLeg, SameArgumentsGiveTheSameRouteToTheLastBitAndAnotherSeedAnother) {
   const PlanningCase in(test::make_fractal_map(7, 250, 30.0, 3000.0, 600.0), kWeights);
-  const GlobalOptions options = shipped_global_options(30000);
+  GlobalOptions options = shipped_global_options(30000);
+  options.use_lattice = false;  // the lattice draws nothing, so it knows no seed
   const auto first = plan(in, options, in.above(1000, 1000), in.above(6500, 6000), 42);
   const auto again = plan(in, options, in.above(1000, 1000), in.above(6500, 6000), 42);
   const auto other = plan(in, options, in.above(1000, 1000), in.above(6500, 6000), 43);

@@ -1,0 +1,262 @@
+#include "global_planning/enclosure.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+#include "base/elementary.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+using raster::CellIndex;
+using raster::GridGeometry;
+
+constexpr int kSectors = 48;
+constexpr double kSector_rad = 2.0 * std::numbers::pi / kSectors;
+// Heading changes by at most this much in one step: long enough to feel the turn radius, short
+// enough to feel the ground.
+constexpr double kStepTurn_rad = 0.8;
+constexpr int kQuadrature = 64;
+// Intervals grow outwards to multiples of this, so that each state is visited few times.
+constexpr double kAltitudeStep_m = 2.0;
+constexpr double kRounding = 1e-6;
+
+struct Step {
+  int sector;  // of the heading afterwards
+  int columns, rows;
+};
+
+// The patches and sectors that one step of length `step_m` may lead to, per sector of departure.
+std::array<std::vector<Step>, kSectors> steps_of(double step_m, double radius_m, double cell_m) {
+  std::array<std::vector<Step>, kSectors> result;
+  const double turn_rad = step_m / radius_m;
+  const int sectors = static_cast<int>(std::ceil(turn_rad / kSector_rad + 1.0));
+  for (int change = -sectors; change <= sectors; ++change) {
+    const double change_rad = change * kSector_rad;
+    // Extent of the displacement, in the frame that lies halfway between both headings. Between two
+    // points of the quadrature a heading bound moves by at most slack.
+    const double slack_rad = turn_rad / kQuadrature;
+    double along_low_m = 0.0;
+    double along_high_m = 0.0;
+    double across_low_m = 0.0;
+    double across_high_m = 0.0;
+    bool is_possible = true;
+    for (int k = 0; k < kQuadrature; ++k) {
+      const double done_rad = turn_rad * (k + 0.5) / kQuadrature;
+      const double left_rad = turn_rad - done_rad;
+      const double half = 0.5 * kSector_rad;
+      const double low_rad =
+          std::max(-half - done_rad, change_rad - half - left_rad) - 0.5 * change_rad - slack_rad;
+      const double high_rad =
+          std::min(half + done_rad, change_rad + half + left_rad) - 0.5 * change_rad + slack_rad;
+      if (low_rad > high_rad) {
+        is_possible = false;
+        break;
+      }
+      const double piece_m = step_m / kQuadrature;
+      along_low_m += piece_m * elementary::cos(std::max(std::fabs(low_rad), std::fabs(high_rad)));
+      along_high_m +=
+          piece_m * (low_rad <= 0.0 && high_rad >= 0.0
+                         ? 1.0
+                         : elementary::cos(std::min(std::fabs(low_rad), std::fabs(high_rad))));
+      across_low_m += piece_m * elementary::sin(low_rad);
+      across_high_m += piece_m * elementary::sin(high_rad);
+    }
+    if (!is_possible) {
+      continue;
+    }
+    const double half_along_m = 0.5 * (along_high_m - along_low_m) + kRounding;
+    const double half_across_m = 0.5 * (across_high_m - across_low_m) + kRounding;
+    for (int sector = 0; sector < kSectors; ++sector) {
+      const double frame_rad = (sector + 0.5 * change) * kSector_rad;
+      const double ux = elementary::cos(frame_rad);
+      const double uy = elementary::sin(frame_rad);
+      const double along_m = 0.5 * (along_high_m + along_low_m);
+      const double across_m = 0.5 * (across_high_m + across_low_m);
+      const double x_m = along_m * ux - across_m * uy;
+      const double y_m = along_m * uy + across_m * ux;
+      const int reach = static_cast<int>(std::ceil(step_m / cell_m)) + 1;
+      for (int row = -reach; row <= reach; ++row) {
+        for (int column = -reach; column <= reach; ++column) {
+          // Displacements between the two patches fill a square of two cells around this one; the
+          // displacements of the step fill a rectangle. Separating axes tell whether they meet.
+          const double dx_m = column * cell_m - x_m;
+          const double dy_m = row * cell_m - y_m;
+          const double extent_x_m = half_along_m * std::fabs(ux) + half_across_m * std::fabs(uy);
+          const double extent_y_m = half_along_m * std::fabs(uy) + half_across_m * std::fabs(ux);
+          const double square_m = cell_m * (std::fabs(ux) + std::fabs(uy));
+          if (std::fabs(dx_m) <= cell_m + extent_x_m && std::fabs(dy_m) <= cell_m + extent_y_m &&
+              std::fabs(dx_m * ux + dy_m * uy) <= square_m + half_along_m &&
+              std::fabs(dy_m * ux - dx_m * uy) <= square_m + half_across_m) {
+            const int after = ((sector + change) % kSectors + kSectors) % kSectors;
+            result[static_cast<std::size_t>(sector)].push_back({after, column, row});
+          }
+        }
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
+                                        const GlobalOptions& options, const flight::Waypoint& end,
+                                        const flight::Waypoint& other, double reach_max_m,
+                                        std::int64_t work_max) {
+  const double half_turn_rad = 0.5 * options.turn_angle_max_rad;
+  if (!(options.turn_radius_m > 0.0) || !(half_turn_rad < 0.25 * std::numbers::pi + kRounding)) {
+    return std::nullopt;
+  }
+  const GridGeometry& cells = envelope.geometry();
+  const double cell_m = cells.cell_m;
+  const double aside_m =
+      options.turn_radius_m * (1.0 / elementary::cos(half_turn_rad) - 1.0) + kRounding;
+  const double step_m = kStepTurn_rad * options.turn_radius_m;
+  const double rise_m = step_m * elementary::tan(options.climb_angle_max_rad) *
+                            elementary::tan(half_turn_rad) / half_turn_rad +
+                        kRounding;
+
+  // The patches between cell centres around the end, with the bands of all patches within aside_m.
+  const int reach = static_cast<int>(std::ceil((reach_max_m + step_m) / cell_m)) + 1;
+  const int aside = static_cast<int>(std::ceil(aside_m / cell_m)) + 1;
+  const GridGeometry patches{cells.west_m + 0.5 * cell_m, cells.south_m + 0.5 * cell_m, cell_m,
+                             cells.columns - 1, cells.rows - 1};
+  const CellIndex middle = patches.cell_at(end.point());
+  const int side = 2 * reach + 1;
+  const int wide = side + 2 * aside;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  std::vector<AltitudeBand> own(static_cast<std::size_t>(wide) * static_cast<std::size_t>(wide),
+                                AltitudeBand{kInfinity, -kInfinity});
+  for (int row = 0; row < wide; ++row) {
+    for (int column = 0; column < wide; ++column) {
+      const CellIndex patch{middle.column - reach - aside + column,
+                            middle.row - reach - aside + row};
+      if (patches.contains(patch)) {
+        own[static_cast<std::size_t>(row * wide + column)] = envelope.widest_band_over_patch(patch);
+      }
+    }
+  }
+  const auto place = [&](int column, int row) {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(side) +
+           static_cast<std::size_t>(column);
+  };
+  std::vector<AltitudeBand> bands(place(0, side), AltitudeBand{kInfinity, -kInfinity});
+  for (int row = 0; row < side; ++row) {
+    for (int column = 0; column < side; ++column) {
+      AltitudeBand& band = bands[place(column, row)];
+      for (int dy = -aside; dy <= aside; ++dy) {
+        for (int dx = -aside; dx <= aside; ++dx) {
+          const double gap_x_m = std::max(std::abs(dx) - 1, 0) * cell_m;
+          const double gap_y_m = std::max(std::abs(dy) - 1, 0) * cell_m;
+          if (gap_x_m * gap_x_m + gap_y_m * gap_y_m > aside_m * aside_m) {
+            continue;
+          }
+          const AltitudeBand& near =
+              own[static_cast<std::size_t>((row + aside + dy) * wide + column + aside + dx)];
+          if (near.is_flyable()) {
+            band.low_m = std::min(band.low_m, near.low_m);
+            band.high_m = std::max(band.high_m, near.high_m);
+          }
+        }
+      }
+    }
+  }
+
+  const auto steps = steps_of(step_m, options.turn_radius_m, cell_m);
+  struct Interval {
+    float low_m = std::numeric_limits<float>::infinity();
+    float high_m = -std::numeric_limits<float>::infinity();
+  };
+  // Altitudes relative to the end, which are exact in float: multiples of kAltitudeStep_m.
+  std::vector<Interval> reached(bands.size() * kSectors);
+  std::vector<std::uint8_t> is_queued(reached.size(), 0);
+  std::vector<std::uint32_t> queue;
+  const double reach_in_patches = reach_max_m / cell_m;
+  const double other_column = (other.x_m - patches.west_m) / cell_m - (middle.column - reach);
+  const double other_row = (other.y_m - patches.south_m) / cell_m - (middle.row - reach);
+  const auto square_to = [](double column, double row, double to_column, double to_row) {
+    const double dx = to_column - std::clamp(to_column, column, column + 1.0);
+    const double dy = to_row - std::clamp(to_row, row, row + 1.0);
+    return dx * dx + dy * dy;
+  };
+  const double step_in_patches = step_m / cell_m;
+  Enclosure result;
+  double farthest = 0.0;
+  // False when the state shows that the end is not enclosed.
+  const auto reach_state = [&](int column, int row, int sector, double low_m, double high_m) {
+    const AltitudeBand& band = bands[place(column, row)];
+    low_m = std::max(low_m, band.low_m - end.altitude_m);
+    high_m = std::min(high_m, band.high_m - end.altitude_m);
+    if (!(low_m <= high_m)) {
+      return true;
+    }
+    const std::size_t state = place(column, row) * kSectors + static_cast<std::size_t>(sector);
+    Interval& interval = reached[state];
+    if (low_m >= static_cast<double>(interval.low_m) &&
+        high_m <= static_cast<double>(interval.high_m)) {
+      return true;
+    }
+    if (interval.low_m > interval.high_m) {
+      ++result.states;
+      const double square = (column - reach) * static_cast<double>(column - reach) +
+                            (row - reach) * static_cast<double>(row - reach);
+      farthest = std::max(farthest, square);
+      if (square > reach_in_patches * reach_in_patches ||
+          square_to(column, row, other_column, other_row) <= step_in_patches * step_in_patches) {
+        return false;
+      }
+    }
+    interval.low_m = std::min(
+        interval.low_m, static_cast<float>(std::floor(low_m / kAltitudeStep_m) * kAltitudeStep_m));
+    interval.high_m = std::max(
+        interval.high_m, static_cast<float>(std::ceil(high_m / kAltitudeStep_m) * kAltitudeStep_m));
+    if (is_queued[state] == 0) {
+      is_queued[state] = 1;
+      queue.push_back(static_cast<std::uint32_t>(state));
+    }
+    return true;
+  };
+  for (int sector = 0; sector < kSectors; ++sector) {
+    if (!reach_state(reach, reach, sector, 0.0, 0.0)) {
+      return std::nullopt;
+    }
+  }
+  std::int64_t work = 0;
+  std::vector<std::uint32_t> wave;
+  while (!queue.empty()) {
+    wave.swap(queue);
+    queue.clear();
+    for (const std::uint32_t state : wave) {
+      is_queued[state] = 0;
+      const int sector = static_cast<int>(state % kSectors);
+      const int column = static_cast<int>(state / kSectors) % side;
+      const int row = static_cast<int>(state / kSectors) / side;
+      const Interval here = reached[state];
+      const auto& onwards = steps[static_cast<std::size_t>(sector)];
+      work += static_cast<std::int64_t>(onwards.size());
+      if (work > work_max) {
+        return std::nullopt;
+      }
+      for (const Step& step : onwards) {
+        const int to_column = column + step.columns;
+        const int to_row = row + step.rows;
+        if (to_column < 0 || to_column >= side || to_row < 0 || to_row >= side) {
+          return std::nullopt;
+        }
+        if (!reach_state(to_column, to_row, step.sector, static_cast<double>(here.low_m) - rise_m,
+                         static_cast<double>(here.high_m) + rise_m)) {
+          return std::nullopt;
+        }
+      }
+    }
+  }
+  result.reach_m = (std::sqrt(farthest) + 2.0) * cell_m + step_m + aside_m;
+  return result;
+}
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,360 @@
+#include "global_planning/lattice_search.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "base/elementary.hpp"
+#include "global_planning/cost_field.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kDirections = 16;
+// Counter-clockwise from east.
+constexpr std::array<std::array<int, 2>, kDirections> kStep = {{{1, 0},
+                                                                {2, 1},
+                                                                {1, 1},
+                                                                {1, 2},
+                                                                {0, 1},
+                                                                {-1, 2},
+                                                                {-1, 1},
+                                                                {-2, 1},
+                                                                {-1, 0},
+                                                                {-2, -1},
+                                                                {-1, -1},
+                                                                {-1, -2},
+                                                                {0, -1},
+                                                                {1, -2},
+                                                                {1, -1},
+                                                                {2, -1}}};
+constexpr double kTurnMax_rad = 0.46364760900080609;  // between (1, 0) and (2, 1)
+// The band is sampled this densely; the profile is exact afterwards.
+constexpr double kStep_m = 15.0;
+// A label is as good as another whose interval is smaller by this at either end.
+constexpr double kIntervalTolerance_m = 3.0;
+constexpr int kLabelsMax = 6;  // of one node and direction
+constexpr double kEndLegMax_m = 600.0;
+// The way ahead counts this many times: real flights cost more than the field says, and the first
+// track need not be the best, as it is refined.
+constexpr double kInflation = 1.4;
+constexpr std::int64_t kStopInterval = 256;
+// The search from the start is alone for so long; most problems need less.
+constexpr std::int64_t kAloneWork = 60000;
+
+struct Label {
+  double cost_m;
+  float low_m, high_m;
+  std::int32_t column, row;
+  std::int32_t before;      // label, -1: start
+  std::int32_t next;        // label of the same node and direction
+  double run_x_m, run_y_m;  // straight leg so far
+  std::int8_t direction;    // -1: none of the sixteen
+};
+
+struct Entry {
+  double key_m;
+  std::int32_t label;
+};
+constexpr auto kIsLater = [](const Entry& a, const Entry& b) {
+  return a.key_m != b.key_m ? a.key_m > b.key_m : a.label > b.label;
+};
+
+class Search {
+ public:
+  Search(const FlightEnvelope& envelope, const GlobalOptions& options, const LatticeSpare& spare,
+         const flight::Waypoint& from, const flight::Waypoint& to)
+      : envelope_(envelope),
+        spare_(spare),
+        from_(from),
+        to_(to),
+        ahead_(envelope, to.point(), options.field_block_m) {
+    const raster::GridGeometry& geometry = envelope.geometry();
+    const double turn_tangent = elementary::tan(0.5 * kTurnMax_rad);
+    spacing_m_ = std::max(options.turn_radius_m * turn_tangent * 1.001,
+                          options.turn_radius_m > 0.0 ? 0.0 : 2.0 * geometry.cell_m);
+    // Legs beside a corner hold the tangents of its arc.
+    const double unit_m = 2.0 * options.turn_radius_m * turn_tangent;
+    const double knight_m = 2.0 * options.turn_radius_m *
+                            elementary::tan(0.5 * (0.25 * std::numbers::pi - kTurnMax_rad));
+    for (int d = 0; d < kDirections; ++d) {
+      const auto& step = kStep[static_cast<std::size_t>(d)];
+      const double length_m =
+          spacing_m_ * std::sqrt(static_cast<double>(step[0] * step[0] + step[1] * step[1]));
+      const double needed_m = d % 4 == 2 ? knight_m : unit_m;
+      repeats_[static_cast<std::size_t>(d)] =
+          std::max(1, static_cast<int>(std::ceil(needed_m / length_m)));
+    }
+    west_ = static_cast<int>(std::floor((from.x_m - geometry.west_m) / spacing_m_));
+    south_ = static_cast<int>(std::floor((from.y_m - geometry.south_m) / spacing_m_));
+    columns_ =
+        west_ + 1 + static_cast<int>(std::floor((geometry.east_m() - from.x_m) / spacing_m_));
+    rows_ = south_ + 1 + static_cast<int>(std::floor((geometry.north_m() - from.y_m) / spacing_m_));
+    first_label_.assign(
+        static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) * kDirections, -1);
+  }
+
+  /// Goes on until `work_units` in total, the first track, nothing left, or `should_stop`.
+  void advance(std::int64_t work_units, const std::function<bool()>& should_stop) {
+    if (labels_.empty()) {
+      begin();
+    }
+    std::int64_t until_asked = 0;
+    while (!is_finished() && work_units_ < work_units) {
+      if (--until_asked < 0) {
+        until_asked = kStopInterval;
+        if (should_stop()) {
+          return;
+        }
+      }
+      std::pop_heap(queue_.begin(), queue_.end(), kIsLater);
+      const Entry entry = queue_.back();
+      queue_.pop_back();
+      const Label label = labels_[static_cast<std::size_t>(entry.label)];
+      if (label.direction == kGoalMark) {
+        finish(entry.label);
+        return;
+      }
+      expand(entry.label, label);
+    }
+  }
+
+  [[nodiscard]] bool is_finished() const { return !track_.empty() || queue_.empty(); }
+  /// From `from` to `to`; empty while there is none.
+  [[nodiscard]] const std::vector<geo::MapPoint>& track() const { return track_; }
+  [[nodiscard]] double cost_m() const { return cost_m_; }
+  [[nodiscard]] std::int64_t work_units() const { return work_units_; }
+
+ private:
+  static constexpr std::int8_t kGoalMark = 100;
+
+  [[nodiscard]] geo::MapPoint place(int column, int row) const {
+    return {from_.x_m + (column - west_) * spacing_m_, from_.y_m + (row - south_) * spacing_m_};
+  }
+
+  FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b, double low_m,
+                                 double high_m) {
+    ++work_units_;
+    return envelope_.follow(a, b, {low_m, high_m}, {kStep_m, spare_.margin_m, spare_.climb_share});
+  }
+
+  void push(const Label& label, double key_m) {
+    labels_.push_back(label);
+    queue_.push_back({key_m, static_cast<std::int32_t>(labels_.size() - 1)});
+    std::push_heap(queue_.begin(), queue_.end(), kIsLater);
+  }
+
+  // The free first leg, to every node around the start, and straight to the goal.
+  void begin() {
+    const double z_m = from_.altitude_m;
+    const Label start{
+        0.0, static_cast<float>(z_m), static_cast<float>(z_m), west_, south_, -1, -1, 0.0, 0.0, -1};
+    labels_.push_back(start);
+    const int reach = static_cast<int>(kEndLegMax_m / spacing_m_);
+    for (int row = south_ - reach; row <= south_ + reach; ++row) {
+      for (int column = west_ - reach; column <= west_ + reach; ++column) {
+        if (column == west_ && row == south_) {
+          continue;
+        }
+        step(0, start, column, row, -1);
+      }
+    }
+    try_goal(0, start);
+  }
+
+  void expand(std::int32_t index, const Label& label) {
+    if (label.direction >= 0) {
+      const auto& onwards = kStep[static_cast<std::size_t>(label.direction)];
+      step(index, label, label.column + onwards[0], label.row + onwards[1], label.direction);
+    }
+    const int from = label.direction >= 0 ? label.direction - 1 : 0;
+    const int to = label.direction >= 0 ? label.direction + 1 : kDirections - 1;
+    for (int turned = from; turned <= to; ++turned) {
+      if (turned == label.direction) {
+        continue;
+      }
+      const int d = (turned + kDirections) % kDirections;
+      const int times = repeats_[static_cast<std::size_t>(d)];
+      step(index, label, label.column + times * kStep[static_cast<std::size_t>(d)][0],
+           label.row + times * kStep[static_cast<std::size_t>(d)][1], d);
+    }
+    try_goal(index, label);
+  }
+
+  void step(std::int32_t index, const Label& from, int column, int row, int direction) {
+    if (column < 0 || column >= columns_ || row < 0 || row >= rows_) {
+      return;
+    }
+    const geo::MapPoint a = place(from.column, from.row);
+    const geo::MapPoint b = place(column, row);
+    double run_x_m = b.x_m - a.x_m;
+    double run_y_m = b.y_m - a.y_m;
+    if (direction >= 0 && direction == from.direction) {
+      run_x_m += from.run_x_m;
+      run_y_m += from.run_y_m;
+    } else if (from.before >= 0 || from.run_x_m != 0.0 || from.run_y_m != 0.0) {
+      if (!envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, run_x_m, run_y_m)) {
+        return;
+      }
+    }
+    const double ahead_m = ahead_.cost_m(b);
+    if (!(ahead_m < kInfinity)) {
+      return;
+    }
+    std::int32_t* chain = nullptr;
+    if (direction >= 0) {
+      chain = &first_label_[(static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+                             static_cast<std::size_t>(column)) *
+                                kDirections +
+                            static_cast<std::size_t>(direction)];
+    }
+    const FlightEnvelope::Arrival arrival =
+        follow(a, b, static_cast<double>(from.low_m), static_cast<double>(from.high_m));
+    if (!arrival.altitudes.is_flyable()) {
+      return;
+    }
+    Label label{from.cost_m + arrival.cost_m,
+                static_cast<float>(arrival.altitudes.low_m),
+                static_cast<float>(arrival.altitudes.high_m),
+                column,
+                row,
+                index,
+                -1,
+                run_x_m,
+                run_y_m,
+                static_cast<std::int8_t>(direction)};
+    if (!(label.low_m <= label.high_m)) {
+      return;
+    }
+    if (chain != nullptr) {
+      int count = 0;
+      for (std::int32_t at = *chain; at >= 0; at = labels_[static_cast<std::size_t>(at)].next) {
+        const Label& other = labels_[static_cast<std::size_t>(at)];
+        if (other.cost_m <= label.cost_m &&
+            static_cast<double>(other.low_m) <=
+                static_cast<double>(label.low_m) + kIntervalTolerance_m &&
+            static_cast<double>(other.high_m) >=
+                static_cast<double>(label.high_m) - kIntervalTolerance_m) {
+          return;
+        }
+        ++count;
+      }
+      if (count >= kLabelsMax) {
+        return;
+      }
+      label.next = *chain;
+      *chain = static_cast<std::int32_t>(labels_.size());
+    }
+    push(label, label.cost_m + kInflation * ahead_m);
+  }
+
+  void try_goal(std::int32_t index, const Label& from) {
+    const geo::MapPoint a = place(from.column, from.row);
+    const geo::MapPoint b = to_.point();
+    const double dx_m = b.x_m - a.x_m;
+    const double dy_m = b.y_m - a.y_m;
+    if (dx_m * dx_m + dy_m * dy_m > kEndLegMax_m * kEndLegMax_m || (dx_m == 0.0 && dy_m == 0.0) ||
+        (index > 0 && !envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, dx_m, dy_m))) {
+      return;
+    }
+    ++work_units_;
+    const double z_m = to_.altitude_m;
+    const FlightEnvelope::Arrival arrival =
+        envelope_.follow(a, b, {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
+                         {kStep_m, 0.0, spare_.climb_share});
+    if (arrival.altitudes.low_m <= z_m && z_m <= arrival.altitudes.high_m) {
+      Label label = from;
+      label.before = index;
+      label.direction = kGoalMark;
+      label.cost_m = from.cost_m + arrival.cost_m;
+      push(label, label.cost_m);
+    }
+  }
+
+  void finish(std::int32_t goal) {
+    cost_m_ = labels_[static_cast<std::size_t>(goal)].cost_m;
+    std::vector<geo::MapPoint> points = {to_.point()};
+    for (std::int32_t at = labels_[static_cast<std::size_t>(goal)].before; at >= 0;
+         at = labels_[static_cast<std::size_t>(at)].before) {
+      const Label& label = labels_[static_cast<std::size_t>(at)];
+      points.push_back(place(label.column, label.row));
+    }
+    std::reverse(points.begin(), points.end());
+    // Nodes on a straight run are no corners.
+    for (const geo::MapPoint& point : points) {
+      std::vector<geo::MapPoint>& track = track_;
+      if (track.size() >= 2) {
+        const geo::MapPoint& a = track[track.size() - 2];
+        const geo::MapPoint& b = track.back();
+        const double cross =
+            (b.x_m - a.x_m) * (point.y_m - b.y_m) - (b.y_m - a.y_m) * (point.x_m - b.x_m);
+        if (std::fabs(cross) <= 1e-6 * spacing_m_ * spacing_m_ &&
+            (b.x_m - a.x_m) * (point.x_m - b.x_m) + (b.y_m - a.y_m) * (point.y_m - b.y_m) > 0.0) {
+          track.pop_back();
+        }
+      }
+      track.push_back(point);
+    }
+  }
+
+  const FlightEnvelope& envelope_;
+  LatticeSpare spare_;
+  flight::Waypoint from_;
+  flight::Waypoint to_;
+  CostField ahead_;
+  double spacing_m_ = 0.0;
+  std::array<int, kDirections> repeats_{};
+  int west_ = 0;   // column of the start
+  int south_ = 0;  // its row
+  int columns_ = 0;
+  int rows_ = 0;
+  std::vector<std::int32_t> first_label_;  // per node and direction
+  std::vector<Label> labels_;
+  std::vector<Entry> queue_;
+  std::vector<geo::MapPoint> track_;
+  double cost_m_ = kInfinity;
+  std::int64_t work_units_ = 0;
+};
+
+}  // namespace
+
+LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
+                             const LatticeSpare& spare, std::int64_t work_budget,
+                             const std::function<bool()>& should_stop) {
+  Search forward(envelope, options, spare, envelope.start(), envelope.goal());
+  forward.advance(std::min(kAloneWork, work_budget), should_stop);
+  std::optional<Search> backward;
+  std::int64_t share = kAloneWork;
+  LatticeResult result;
+  const auto spent = [&] { return forward.work_units() + (backward ? backward->work_units() : 0); };
+  // In turns, each twice as long as the one before; a side that has nothing left ends the search.
+  while (!forward.is_finished() && !(backward && backward->is_finished()) &&
+         spent() < work_budget && !should_stop()) {
+    if (!backward) {
+      backward.emplace(envelope, options, spare, envelope.goal(), envelope.start());
+    }
+    backward->advance(std::min(share, work_budget - forward.work_units()), should_stop);
+    if (!backward->is_finished()) {
+      share *= 2;
+      forward.advance(std::min(share, work_budget - backward->work_units()), should_stop);
+    }
+  }
+  result.work_units = spent();
+  if (!forward.track().empty()) {
+    result.track = forward.track();
+    result.cost_m = forward.cost_m();
+  } else if (backward && !backward->track().empty()) {
+    result.track.assign(backward->track().rbegin(), backward->track().rend());
+    result.cost_m = backward->cost_m();
+  } else {
+    result.cost_m = kInfinity;
+    result.is_exhausted = forward.is_finished() || (backward && backward->is_finished());
+  }
+  return result;
+}
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "geo/map_projection.hpp"
+#include "global_planning/flight_envelope.hpp"
+#include "global_planning/global_planner.hpp"
+
+namespace hedgehop::global_planning {
+
+/// What a track keeps to spare, so that a profile that is looked at more densely fits as well.
+struct LatticeSpare {
+  double margin_m;     // to the band, at points 15 m apart
+  double climb_share;  // of the climb limit
+};
+
+/// What the search for a ground track spent and found.
+struct LatticeResult {
+  std::vector<geo::MapPoint> track;  // corners, start and goal included; empty if none was found
+  double cost_m = 0.0;               // as low as the track allows, infinity without a track
+  std::int64_t work_units = 0;       // legs followed
+  bool is_exhausted = false;         // nothing is left to try: the lattice holds no track
+};
+
+/// Heading-aware A* over ground tracks, altitudes as intervals.
+///
+/// Corners lie on a square lattice around the start, headings are the sixteen directions to the
+/// neighbours one or two nodes away. A track goes on straight by one node or turns into the next
+/// direction; nodes are so far apart that FlightEnvelope::is_turn_allowed holds for both legs. The
+/// first and the last leg are free: any direction, up to `end_leg_max_m`. Altitude is not a
+/// dimension of the search: along a fixed track, the altitudes that climb limit and band leave are
+/// one interval, which FlightEnvelope::follow carries along exactly. Each arrival is a label (cost,
+/// interval); one that costs more than another of the same node and direction and can do nothing
+/// that the other cannot is dropped.
+///
+/// The cost of a track is that of its lowest altitudes as seen from behind: climbs that lie ahead
+/// are not in it, so it is a little too small. A CostField, counted more than once, leads the
+/// search to the goal: the first track found ends it. Climb limits and turns are the same both
+/// ways, so when the search from the start takes long, one from the goal joins it, in turns; its
+/// lattice lies around the goal. Without a turn radius the spacing is that of two cells.
+/// Deterministic.
+LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
+                             const LatticeSpare& spare, std::int64_t work_budget,
+                             const std::function<bool()>& should_stop);
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,141 @@
+#include "global_planning/track_profile.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace hedgehop::global_planning {
+namespace {
+
+// Legs may run this far above the lowest profile: fewer bends, hardly more cost.
+constexpr double kBendTolerance_m = 4.0;
+// Spare to the band at the samples, for what lies between them; raised where that is not enough.
+constexpr double kMargin_m = 0.5;
+constexpr double kRaise_m = 1.0;
+constexpr int kTriesMax = 16;
+
+struct Sample {
+  geo::MapPoint point;
+  double along_m;
+  AltitudeBand band;
+  bool is_corner;
+};
+
+std::vector<Sample> sample_track(const FlightEnvelope& envelope,
+                                 const std::vector<geo::MapPoint>& track, double step_m) {
+  std::vector<Sample> samples = {{track.front(), 0.0, envelope.band_at(track.front()), true}};
+  for (std::size_t leg = 1; leg < track.size(); ++leg) {
+    const geo::MapPoint& a = track[leg - 1];
+    const geo::MapPoint& b = track[leg];
+    const double dx_m = b.x_m - a.x_m;
+    const double dy_m = b.y_m - a.y_m;
+    const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+    const int parts = std::max(1, static_cast<int>(std::ceil(leg_m / step_m)));
+    const double begin_m = samples.back().along_m;
+    for (int k = 1; k <= parts; ++k) {
+      const double t = static_cast<double>(k) / parts;
+      const geo::MapPoint point =
+          k == parts ? b : geo::MapPoint{a.x_m + t * dx_m, a.y_m + t * dy_m};
+      samples.push_back({point, begin_m + t * leg_m, envelope.band_at(point), k == parts});
+    }
+  }
+  return samples;
+}
+
+}  // namespace
+
+std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
+                                             const std::vector<geo::MapPoint>& track,
+                                             double step_m) {
+  std::vector<Sample> samples = sample_track(envelope, track, step_m);
+  const std::size_t last = samples.size() - 1;
+  // A hair less than the limit, so that rounding does not exceed it.
+  const double tangent = envelope.climb_tangent_max() * (1.0 - 1e-9);
+  for (std::size_t i = 0; i <= last; ++i) {
+    if (!samples[i].band.is_flyable()) {
+      return {};
+    }
+    if (i > 0 && i < last) {
+      samples[i].band.low_m = std::min(samples[i].band.low_m + kMargin_m, samples[i].band.high_m);
+    }
+  }
+  const double start_m = envelope.start().altitude_m;
+  const double goal_m = envelope.goal().altitude_m;
+  std::vector<double> altitude_m(samples.size());
+  for (int attempt = 0; attempt < kTriesMax; ++attempt) {
+    for (std::size_t i = 0; i <= last; ++i) {
+      altitude_m[i] = samples[i].band.low_m;
+    }
+    altitude_m[0] = start_m;
+    altitude_m[last] = goal_m;
+    for (std::size_t i = 1; i <= last; ++i) {
+      altitude_m[i] =
+          std::max(altitude_m[i],
+                   altitude_m[i - 1] - tangent * (samples[i].along_m - samples[i - 1].along_m));
+    }
+    for (std::size_t i = last; i-- > 0;) {
+      altitude_m[i] =
+          std::max(altitude_m[i],
+                   altitude_m[i + 1] - tangent * (samples[i + 1].along_m - samples[i].along_m));
+    }
+    constexpr double kRounding_m = 1e-6;
+    if (altitude_m[0] > start_m + kRounding_m || altitude_m[last] > goal_m + kRounding_m) {
+      return {};
+    }
+    altitude_m[0] = start_m;
+    altitude_m[last] = goal_m;
+    for (std::size_t i = 0; i <= last; ++i) {
+      if (altitude_m[i] > samples[i].band.high_m) {
+        return {};
+      }
+    }
+    const auto waypoint = [&](std::size_t i) {
+      return flight::Waypoint{samples[i].point.x_m, samples[i].point.y_m, altitude_m[i]};
+    };
+    const auto is_low = [&](std::size_t i, std::size_t j) {
+      const double slope =
+          (altitude_m[j] - altitude_m[i]) / (samples[j].along_m - samples[i].along_m);
+      for (std::size_t k = i + 1; k < j; ++k) {
+        const double here_m = altitude_m[i] + slope * (samples[k].along_m - samples[i].along_m);
+        if (here_m > altitude_m[k] + kBendTolerance_m) {
+          return false;
+        }
+      }
+      return true;
+    };
+    std::vector<flight::Waypoint> result = {waypoint(0)};
+    bool is_raised = false;
+    for (std::size_t i = 0; i < last;) {
+      std::size_t best = i;
+      for (std::size_t j = i + 1; j <= last; ++j) {
+        if (is_low(i, j) && envelope.is_climb_allowed(waypoint(i), waypoint(j)) &&
+            envelope.is_clear(waypoint(i), waypoint(j))) {
+          best = j;
+        } else if (j > best + 8) {
+          break;  // farther ones seldom pass again
+        }
+        if (samples[j].is_corner) {
+          break;
+        }
+      }
+      if (best == i) {
+        // Between these two the ground rises above the line that joins them.
+        for (const std::size_t k : {i, i + 1}) {
+          if (k > 0 && k < last) {
+            samples[k].band.low_m += kRaise_m;
+          }
+        }
+        is_raised = true;
+        best = i + 1;
+      }
+      result.push_back(waypoint(best));
+      i = best;
+    }
+    if (!is_raised) {
+      return result;
+    }
+  }
+  return {};
+}
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <vector>
+
+#include "flight/route.hpp"
+#include "geo/map_projection.hpp"
+#include "global_planning/flight_envelope.hpp"
+
+namespace hedgehop::global_planning {
+
+/// The lowest flight along a ground track from start to goal of the envelope, as straight legs.
+///
+/// Along the track the lowest altitude that keeps the band and the climb limit both ways is the
+/// upper envelope of cones: z(s) = max over q of (low(q) - tan(climb) |s - q|). Corners of the
+/// track become waypoints, and so do points between them where the profile bends;
+/// FlightEnvelope::is_clear holds for each leg. Empty when no profile fits, which can be when the
+/// track was searched with coarser samples. O(length / step_m).
+std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
+                                             const std::vector<geo::MapPoint>& track,
+                                             double step_m);
+
+}  // namespace hedgehop::global_planning

@@ -1,0 +1,129 @@
+#include "global_planning/lattice_search.hpp"
+
+#include <cmath>
+#include <gtest/gtest.h>
+#include <numbers>
+#include <random>
+
+#include "global_planning/cost_field.hpp"
+#include "global_planning/planning_case.hpp"
+#include "global_planning/track_profile.hpp"
+#include "support/fresh_seed.hpp"
+
+namespace hedgehop::global_planning {
+namespace {
+
+using flight::Waypoint;
+using test::PlanningCase;
+
+constexpr risk::CostWeights kLengthOnly{};
+constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+constexpr LatticeSpare kSpare{2.0, 0.97};
+const auto kNever = [] { return false; };
+
+TEST(LatticeSearch, OverAPlainTheTrackIsTheStraightLineIfItPointsAlongTheLattice) {
+  const PlanningCase in(test::make_map(200, 200, 30.0, [](double, double) { return 50.0; }),
+                        kLengthOnly);
+  const GlobalOptions options = test::shipped_global_options();
+  const FlightEnvelope envelope(in.costs, options, in.above(1000, 1000), in.above(1000, 5000));
+  const LatticeResult found = search_lattice(envelope, options, kSpare, 100000, kNever);
+  ASSERT_EQ(found.track.size(), 2U);
+  EXPECT_NEAR(found.cost_m, 4000.0, 1e-6);
+}
+
+TEST(LatticeSearch, EveryCornerOfATrackMayBeFlownAndTheProfileKeepsTheBand) {
+  const std::uint64_t seed = test::fresh_seed();
+  int found_tracks = 0;
+  for (std::uint64_t k = 0; k < 5; ++k) {
+    const PlanningCase in(test::make_fractal_map(seed + k, 220, 30.0, 3000.0, 500.0), kWeights);
+    const GlobalOptions options = test::shipped_global_options();
+    const FlightEnvelope envelope(in.costs, options, in.above(900, 900), in.above(5700, 5400));
+    const LatticeResult found = search_lattice(envelope, options, kSpare, 300000, kNever);
+    EXPECT_LE(found.work_units, 300000 + 400);  // a label is expanded to its end
+    const auto& track = found.track;
+    for (std::size_t i = 2; i < track.size(); ++i) {
+      EXPECT_TRUE(envelope.is_turn_allowed(
+          track[i - 1].x_m - track[i - 2].x_m, track[i - 1].y_m - track[i - 2].y_m,
+          track[i].x_m - track[i - 1].x_m, track[i].y_m - track[i - 1].y_m));
+    }
+    if (track.empty()) {
+      continue;
+    }
+    const auto profile = lowest_profile(envelope, track, 10.0);
+    if (profile.empty()) {
+      continue;  // the ground between the samples of the search is too rough
+    }
+    ASSERT_GE(profile.size(), track.size());
+    EXPECT_EQ(profile.front(), envelope.start());
+    EXPECT_EQ(profile.back(), envelope.goal());
+    for (std::size_t i = 1; i < profile.size(); ++i) {
+      EXPECT_TRUE(envelope.is_clear(profile[i - 1], profile[i]));
+    }
+    ++found_tracks;
+  }
+  EXPECT_GE(found_tracks, 3);
+}
+
+TEST(LatticeSearch, AWalledInStartEndsTheSearchAndNotTheBudget) {
+  // A basin of 1.2 km around the start, behind a wall that no envelope reaches over.
+  const PlanningCase in(test::make_map(200, 200, 30.0,
+                                       [](double x_m, double y_m) {
+                                         const double from_m =
+                                             std::hypot(x_m - 2000.0, y_m - 2000.0);
+                                         return from_m > 1200.0 && from_m < 1400.0 ? 900.0 : 0.0;
+                                       }),
+                        kLengthOnly);
+  const GlobalOptions options = test::shipped_global_options();
+  const FlightEnvelope envelope(in.costs, options, in.above(2000, 2000), in.above(5000, 5000));
+  const LatticeResult found = search_lattice(envelope, options, kSpare, 3000000, kNever);
+  EXPECT_TRUE(found.track.empty());
+  EXPECT_TRUE(found.is_exhausted);
+  EXPECT_LT(found.work_units, 1000000);
+}
+
+TEST(CostField, OverAPlainItIsTheDistanceUpToMetrication) {
+  const PlanningCase in(test::make_map(200, 200, 30.0, [](double, double) { return 50.0; }),
+                        kLengthOnly);
+  const GlobalOptions options = test::shipped_global_options();
+  const Waypoint goal = in.above(3000, 3000);
+  const FlightEnvelope envelope(in.costs, options, in.above(1000, 1000), goal);
+  const CostField field(envelope, goal.point(), 60.0);
+  for (int k = 0; k < 32; ++k) {
+    const double angle_rad = k * std::numbers::pi / 16.0;
+    const geo::MapPoint from{3000.0 + 2000.0 * std::cos(angle_rad),
+                             3000.0 + 2000.0 * std::sin(angle_rad)};
+    // Never more than the straight way, but for the block of the target; never 3 % less.
+    EXPECT_LE(field.cost_m(from), 2000.0 + 60.0);
+    EXPECT_GE(field.cost_m(from), 2000.0 / 1.03 - 60.0);
+  }
+  EXPECT_EQ(field.cost_m({-10.0, 50.0}), std::numeric_limits<double>::infinity());
+}
+
+TEST(TrackProfile, OverARidgeItIsTheConeOfTheClimbLimit) {
+  // A ridge of 100 m across the track: far before it the flight is as low as the floor, and rises
+  // with the climb limit to pass it.
+  const PlanningCase in(test::make_map(300, 100, 30.0,
+                                       [](double x_m, double) {
+                                         return std::fabs(x_m - 4500.0) < 100.0 ? 100.0 : 0.0;
+                                       }),
+                        kLengthOnly);
+  GlobalOptions options = test::shipped_global_options();
+  options.lateral_margin_m = 0.0;
+  const FlightEnvelope envelope(in.costs, options, in.above(1000, 1500, 20.0),
+                                in.above(8000, 1500, 20.0));
+  const auto profile = lowest_profile(envelope, {{1000.0, 1500.0}, {8000.0, 1500.0}}, 15.0);
+  ASSERT_GE(profile.size(), 4U);
+  const double tangent = std::tan(options.climb_angle_max_rad);
+  double highest_m = 0.0;
+  for (const Waypoint& at : profile) {
+    highest_m = std::max(highest_m, at.altitude_m);
+    // The cone over the ridge, whose interpolated crest ends one cell further out.
+    const double beside_m = std::max(std::fabs(at.x_m - 4500.0) - 130.0, 0.0);
+    const double lowest_m = std::max(20.0, 120.0 - tangent * beside_m);
+    EXPECT_LE(at.altitude_m, lowest_m + 4.0 + 8.0);
+  }
+  EXPECT_NEAR(highest_m, 120.0, 5.0);
+}
+
+}  // namespace
+}  // namespace hedgehop::global_planning
