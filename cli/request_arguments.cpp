@@ -71,7 +71,7 @@ void RequestArguments::add_to(CLI::App& verb) {
       ->check(CLI::PositiveNumber);
   verb.add_option("--seed", seed, "Seed of the global planner (default 1)");
   verb.add_option("--work", work,
-                  "Work budget of the global planner in edge evaluations (default: config)")
+                  "Work budget of the global planner in legs evaluated (default: config)")
       ->check(CLI::PositiveNumber);
   verb.add_option("--config", config_file,
                   "YAML file whose keys replace those of the shipped planning.yaml");

@@ -105,7 +105,7 @@ NoPlan no_plan_of(const Disconnection& gap) {
 
 // How far from an end, and with how many steps, it is tried to prove that nothing leaves it.
 constexpr double kEnclosureReach_m = 5000.0;
-constexpr std::int64_t kEnclosureWork = 300'000'000;
+constexpr std::int64_t kEnclosureWork = 60'000'000;  // about a second
 
 // Why a search found nothing, if climb and turn limits hold every route near one end.
 std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
@@ -123,7 +123,7 @@ std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
       continue;
     }
     double needed_rad = options.climb_angle_max_rad;
-    for (const double more_deg : {0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0}) {
+    for (const double more_deg : {1.0, 2.0, 4.0, 8.0}) {
       const double climb_angle_rad = options.climb_angle_max_rad + radians_from_degrees(more_deg);
       if (!proof(climb_angle_rad)) {
         break;

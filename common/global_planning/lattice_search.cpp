@@ -39,6 +39,8 @@ constexpr double kStep_m = 15.0;
 constexpr double kIntervalTolerance_m = 3.0;
 constexpr int kLabelsMax = 6;  // of one node and direction
 constexpr double kEndLegMax_m = 600.0;
+// Detours stay this near to the box around both ends, and half of its longer side more.
+constexpr double kAsideMin_m = 20000.0;
 // The way ahead counts this many times: real flights cost more than the field says, and the first
 // track need not be the best, as it is refined.
 constexpr double kInflation = 1.4;
@@ -75,8 +77,7 @@ class Search {
         ahead_(envelope, to.point(), options.field_block_m) {
     const raster::GridGeometry& geometry = envelope.geometry();
     const double turn_tangent = elementary::tan(0.5 * kTurnMax_rad);
-    spacing_m_ = std::max(options.turn_radius_m * turn_tangent * 1.001,
-                          options.turn_radius_m > 0.0 ? 0.0 : 2.0 * geometry.cell_m);
+    spacing_m_ = std::max(options.turn_radius_m * turn_tangent * 1.001, 2.0 * geometry.cell_m);
     // Legs beside a corner hold the tangents of its arc.
     const double unit_m = 2.0 * options.turn_radius_m * turn_tangent;
     const double knight_m = 2.0 * options.turn_radius_m *
@@ -89,11 +90,17 @@ class Search {
       repeats_[static_cast<std::size_t>(d)] =
           std::max(1, static_cast<int>(std::ceil(needed_m / length_m)));
     }
-    west_ = static_cast<int>(std::floor((from.x_m - geometry.west_m) / spacing_m_));
-    south_ = static_cast<int>(std::floor((from.y_m - geometry.south_m) / spacing_m_));
-    columns_ =
-        west_ + 1 + static_cast<int>(std::floor((geometry.east_m() - from.x_m) / spacing_m_));
-    rows_ = south_ + 1 + static_cast<int>(std::floor((geometry.north_m() - from.y_m) / spacing_m_));
+    // Of a large map, what lies around both ends.
+    const double aside_m =
+        kAsideMin_m + 0.5 * std::max(std::fabs(to.x_m - from.x_m), std::fabs(to.y_m - from.y_m));
+    const double west_m = std::max(geometry.west_m, std::min(from.x_m, to.x_m) - aside_m);
+    const double south_m = std::max(geometry.south_m, std::min(from.y_m, to.y_m) - aside_m);
+    const double east_m = std::min(geometry.east_m(), std::max(from.x_m, to.x_m) + aside_m);
+    const double north_m = std::min(geometry.north_m(), std::max(from.y_m, to.y_m) + aside_m);
+    west_ = static_cast<int>(std::floor((from.x_m - west_m) / spacing_m_));
+    south_ = static_cast<int>(std::floor((from.y_m - south_m) / spacing_m_));
+    columns_ = west_ + 1 + static_cast<int>(std::floor((east_m - from.x_m) / spacing_m_));
+    rows_ = south_ + 1 + static_cast<int>(std::floor((north_m - from.y_m) / spacing_m_));
     first_label_.assign(
         static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) * kDirections, -1);
   }

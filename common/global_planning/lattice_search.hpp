@@ -30,18 +30,17 @@ struct LatticeResult {
 /// Corners lie on a square lattice around the start, headings are the sixteen directions to the
 /// neighbours one or two nodes away. A track goes on straight by one node or turns into the next
 /// direction; nodes are so far apart that FlightEnvelope::is_turn_allowed holds for both legs. The
-/// first and the last leg are free: any direction, up to `end_leg_max_m`. Altitude is not a
+/// first and the last leg are free: any direction, up to 600 m. Altitude is not a
 /// dimension of the search: along a fixed track, the altitudes that climb limit and band leave are
 /// one interval, which FlightEnvelope::follow carries along exactly. Each arrival is a label (cost,
 /// interval); one that costs more than another of the same node and direction and can do nothing
-/// that the other cannot is dropped.
+/// that the other cannot is dropped, and so is a seventh.
 ///
 /// The cost of a track is that of its lowest altitudes as seen from behind: climbs that lie ahead
 /// are not in it, so it is a little too small. A CostField, counted more than once, leads the
 /// search to the goal: the first track found ends it. Climb limits and turns are the same both
 /// ways, so when the search from the start takes long, one from the goal joins it, in turns; its
-/// lattice lies around the goal. Without a turn radius the spacing is that of two cells.
-/// Deterministic.
+/// lattice lies around the goal. The spacing is at least two cells. Deterministic.
 LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
                              const LatticeSpare& spare, std::int64_t work_budget,
                              const std::function<bool()>& should_stop);

@@ -16,15 +16,21 @@
 namespace hedgehop::flight {
 namespace {
 
-constexpr NoPlanCause kCauses[] = {
-    NoPlanCause::kStartOutsideMap,         NoPlanCause::kGoalOutsideMap,
-    NoPlanCause::kStartUnknownTerrain,     NoPlanCause::kGoalUnknownTerrain,
-    NoPlanCause::kStartBelowEnvelope,      NoPlanCause::kGoalBelowEnvelope,
-    NoPlanCause::kStartAboveEnvelope,      NoPlanCause::kGoalAboveEnvelope,
-    NoPlanCause::kGoalEqualsStart,         NoPlanCause::kReferenceHeightMismatch,
-    NoPlanCause::kSearchSpaceDisconnected, NoPlanCause::kBudgetExhausted,
-    NoPlanCause::kLocalPlannerStuck,       NoPlanCause::kStopped,
-    NoPlanCause::kClimbLimit};
+constexpr NoPlanCause kCauses[] = {NoPlanCause::kStartOutsideMap,
+                                   NoPlanCause::kGoalOutsideMap,
+                                   NoPlanCause::kStartUnknownTerrain,
+                                   NoPlanCause::kGoalUnknownTerrain,
+                                   NoPlanCause::kStartBelowEnvelope,
+                                   NoPlanCause::kGoalBelowEnvelope,
+                                   NoPlanCause::kStartAboveEnvelope,
+                                   NoPlanCause::kGoalAboveEnvelope,
+                                   NoPlanCause::kGoalEqualsStart,
+                                   NoPlanCause::kReferenceHeightMismatch,
+                                   NoPlanCause::kSearchSpaceDisconnected,
+                                   NoPlanCause::kBudgetExhausted,
+                                   NoPlanCause::kLocalPlannerStuck,
+                                   NoPlanCause::kStopped,
+                                   NoPlanCause::kClimbLimit};
 
 TEST(RouteLength, IsThatOfThreeDimensions) {
   EXPECT_EQ(length_m({}), 0.0);
