@@ -135,7 +135,9 @@ TEST(Refusal, PlanMessagesWithoutSenseAreRefused) {
   const auto status = test::example_plan_status();
   expect_refused<plan_status_t>(status, "state", [](auto& w) { w.state = 99; });
   expect_refused<plan_status_t>(status, "stage", [](auto& w) { w.stage = -1; });
-  expect_refused<plan_status_t>(status, "cause", [](auto& w) { w.cause = 14; });
+  expect_refused<plan_status_t>(status, "cause", [](auto& w) {
+    w.cause = static_cast<std::int8_t>(plan_status_t::CAUSE_CLIMB_LIMIT + 1);
+  });
   expect_refused<plan_status_t>(status, "cause",
                                 [](auto& w) { w.state = plan_status_t::STATE_DONE; });
   expect_refused<plan_status_t>(status, "cause_y_m", [](auto& w) { w.cause_y_m = kNan; });

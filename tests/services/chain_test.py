@@ -247,7 +247,8 @@ def requests_that_cannot_be_met_say_why(setup):
 def an_interrupted_request_cancels_the_planning(setup):
     serve = setup.serve()
     out = setup.folder / "plan"
-    request = setup.start("hedgehop", "request", *setup.ends, "--work", "2000000000", "--out", out)
+    request = setup.start("hedgehop", "request", *setup.ends, "--work", "2000000000",
+                          "--set", "global.planner=bit_star", "--out", out)  # it spends its whole budget
     wait(lambda: "planning the route" in setup.text(request), 20, lambda: setup.text(request))
     request.send_signal(signal.SIGINT)
     check(request.wait(10) == 130, f"ended with {request.returncode}: {setup.text(request)}")

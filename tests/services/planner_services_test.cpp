@@ -23,6 +23,13 @@ planning::PlanningConfig shipped_planning() {
   return planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
 }
 
+// A planner that spends its whole budget, however soon it has a good route.
+planning::PlanningConfig lasting_planning() {
+  return planning::read_planning_config(
+      planning::effective_planning_config("", {"global.planner=bit_star", "global.refine=false"}),
+      "shipped");
+}
+
 // What one process makes of the same request; planned once for all tests.
 const flight::Plan& plan_in_one_process() {
   static const flight::Plan plan = [] {
@@ -78,7 +85,7 @@ TEST(PlannerServices, ProgressIsToldWhileARouteIsPlanned) {
   chain.add_global_planner();
   flight::PlanRequest request = test::across_the_hills(hills());
   request.work_budget = 100000;
-  chain.ask(request, hills().hash, shipped_planning().text);
+  chain.ask(request, hills().hash, lasting_planning().text);
   ASSERT_TRUE(chain.turn_until([&] { return chain.is_global(PlanState::kDone); }));
 
   std::int64_t newest = 0;
@@ -98,7 +105,7 @@ TEST(PlannerServices, ACancellationStopsARunningPlanAndARequestAfterItIsServed) 
   chain.add_global_planner();
   flight::PlanRequest request = test::across_the_hills(hills());
   request.work_budget = 2'000'000'000;  // hours
-  const auto message = chain.ask(request, hills().hash, shipped_planning().text);
+  const auto message = chain.ask(request, hills().hash, lasting_planning().text);
   // The planner holds this thread until it hears the cancellation.
   std::thread user([&] {
     bus::Bus bus({.url = chain.url(), .channel_prefix = {}});
@@ -120,11 +127,11 @@ TEST(PlannerServices, ACancellationStopsARunningPlanAndARequestAfterItIsServed) 
   // Cancelled before it is begun, then asked again at once: the cancellation counts for the first.
   chain.statuses.clear();
   request.work_budget = 20000;
-  chain.ask(request, hills().hash, shipped_planning().text);
-  const Hash128 id = flight::plan_request_id(request, hills().hash, shipped_planning().text);
+  chain.ask(request, hills().hash, lasting_planning().text);
+  const Hash128 id = flight::plan_request_id(request, hills().hash, lasting_planning().text);
   chain.listener().bus.publish(messages::kPlanCancelChannel, messages::PlanCancel{id},
                                chain.listener().bus.now());
-  chain.ask(request, hills().hash, shipped_planning().text);
+  chain.ask(request, hills().hash, lasting_planning().text);
   EXPECT_TRUE(chain.turn_until([&] { return chain.is_global(PlanState::kDone); }));
 }
 
