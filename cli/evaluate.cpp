@@ -11,6 +11,7 @@
 
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
+#include "evaluate_local.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
 #include "map/map_bundle.hpp"
@@ -51,6 +52,7 @@ EvaluationConfig evaluation_config() {
   config.random = evaluation::read_random_options(random);
   ConfigReader protection = reader.required_section("protection");
   config.protection = evaluation::read_protection_options(protection);
+  read_local_evaluation_config(reader);
   reader.finish();
   return config;
 }
@@ -201,8 +203,11 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   verb->require_subcommand(1);
   verb->footer(
       "Examples:\n  hedgehop evaluate random --map map --problems 20 --json\n"
-      "  hedgehop evaluate protection --map map --json");
+      "  hedgehop evaluate protection --map map --json\n"
+      "  hedgehop evaluate table2 --map map --routes routes --json\n"
+      "  hedgehop evaluate local-safety --map map --routes routes --json");
   add_protection_verb(*verb, console);
+  add_local_evaluation_verbs(*verb, console);
 
   auto* random = verb->add_subcommand(
       "random", "Plan problems with random start and goal, with the weights and with zero weights");

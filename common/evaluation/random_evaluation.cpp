@@ -9,22 +9,11 @@
 #include <oneapi/tbb/task_arena.h>
 
 #include "base/errors.hpp"
+#include "evaluation/crowd_observer.hpp"
 #include "risk/cost_model.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
-
-// What a planner in a crowd may say: nothing, but it hears when to stop.
-class CrowdObserver final : public Observer {
- public:
-  explicit CrowdObserver(const Observer& whole) : whole_(&whole) {}
-  void progress(std::string_view, double, double) override {}
-  void note(std::string_view) override {}
-  [[nodiscard]] bool stop_requested() const override { return whole_->stop_requested(); }
-
- private:
-  const Observer* whole_;
-};
 
 Run run_of(const flight::Plan& plan, const risk::CostModel& costs, double ceiling_height_m) {
   Run run;

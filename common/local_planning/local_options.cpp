@@ -64,6 +64,20 @@ ProfileOptions read_climb_ahead(ConfigReader& reader) {
   return options;
 }
 
+VerticalPassOptions read_vertical_pass(ConfigReader& reader) {
+  VerticalPassOptions options;
+  options.is_used = reader.required_bool("use");
+  options.knot_s = number_in(reader, "knot_s", 0.05, 2.0, "must lie between 0.05 and 2");
+  options.clearance_m = positive(reader, "clearance_m");
+  options.lateral_margin_m =
+      number_in(reader, "lateral_margin_m", 0.0, 500.0, "must lie between 0 and 500");
+  options.acceleration_share =
+      number_in(reader, "acceleration_share", 0.1, 1.0, "must lie between 0.1 and 1");
+  options.rate_share = number_in(reader, "rate_share", 0.1, 1.0, "must lie between 0.1 and 1");
+  reader.finish();
+  return options;
+}
+
 int whole_number(ConfigReader& reader, const char* key, int low, int high, const char* demand) {
   const std::int64_t value = reader.required_integer(key);
   reader.require(value >= low && value <= high, key, demand);
@@ -115,6 +129,10 @@ LocalOptions read_local_options(ConfigReader& reader) {
   options.climb_indicator = read_indicator(climb);
   ConfigReader ahead = reader.required_section("climb_ahead");
   options.climb_ahead = read_climb_ahead(ahead);
+  ConfigReader vertical = reader.required_section("vertical_pass");
+  options.vertical_pass = read_vertical_pass(vertical);
+  options.is_compared_with_following = reader.required_bool("compare_with_following");
+  options.bank_weight_1prad = not_negative(reader, "bank_weight_1prad");
   reader.finish();
   return options;
 }

@@ -17,6 +17,16 @@
 
 namespace hedgehop::local_planning {
 
+/// See lowered_flight().
+struct VerticalPassOptions {
+  bool is_used = false;
+  double knot_s = 0.0;              // between the altitudes that are looked for
+  double clearance_m = 0.0;         // above the surface
+  double lateral_margin_m = 0.0;    // within this of the ground track
+  double acceleration_share = 0.0;  // of the vehicle's vertical acceleration limit, (0, 1]
+  double rate_share = 0.0;          // of its climb and descent rates, (0, 1]
+};
+
 /// Section `local` of the planning config.
 struct LocalOptions {
   double step_s = 0.0;                 // of the command model and of the decisions, (0, 0.2]
@@ -47,6 +57,10 @@ struct LocalOptions {
   IndicatorOptions heading_indicator;
   IndicatorOptions climb_indicator;
   ProfileOptions climb_ahead;
+  VerticalPassOptions vertical_pass;
+  bool is_compared_with_following = false;  // the flight that follows the guide plainly is flown
+                                            // too, and taken where it costs less
+  double bank_weight_1prad = 0.0;           // of a flight's cost, per metre and radian of bank
 };
 /// Throws ConfigError for unknown, missing, ill-typed or out-of-range keys.
 LocalOptions read_local_options(ConfigReader& reader);

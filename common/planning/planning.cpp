@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/angles.hpp"
+#include "planning/route_flight.hpp"
 
 namespace hedgehop::planning {
 namespace {
@@ -94,44 +95,6 @@ void append_leg(flight::Route& route, const flight::Route& leg) {
   route.work_units += leg.work_units;
   route.samples += leg.samples;
   route.batches += leg.batches;
-}
-
-flight::Trajectory to_trajectory(const local_planning::Flight& flight, const map::Map& map,
-                                 const geo::MapProjection& projection) {
-  flight::Trajectory trajectory;
-  trajectory.step_s = flight.step_s;
-  trajectory.states.reserve(flight.steps.size());
-  for (std::size_t i = 0; i < flight.steps.size(); ++i) {
-    const local_planning::FlownStep& step = flight.steps[i];
-    const command_model::ModelState& model = step.state;
-    const geo::MapPoint point{model.x_m, model.y_m};
-    const double convergence_rad = projection.convergence_rad(point);
-    const auto true_azimuth_rad = [&](double math_rad) {
-      return true_from_grid_azimuth_rad(azimuth_from_math_angle_rad(math_rad), convergence_rad);
-    };
-    flight::FlightState state;
-    state.time_s = static_cast<double>(i) * flight.step_s;
-    state.x_m = model.x_m;
-    state.y_m = model.y_m;
-    state.altitude_m = model.altitude_m;
-    state.speed_mps = model.speed_mps;
-    state.heading_true_rad = true_azimuth_rad(model.heading_math_rad);
-    state.convergence_rad = convergence_rad;
-    state.bank_rad = -model.bank_left_rad;
-    state.roll_rate_radps = -model.roll_rate_left_radps;
-    state.pitch_rad = model.pitch_rad;
-    state.pitch_rate_radps = model.pitch_rate_radps;
-    state.climb_rate_mps = model.climb_rate_mps;
-    state.vertical_acceleration_mps2 = model.vertical_acceleration_mps2;
-    state.target_heading_true_rad = true_azimuth_rad(step.target_heading_math_rad);
-    state.commanded_heading_true_rad = true_azimuth_rad(step.command.heading_math_rad);
-    state.commanded_climb_angle_rad = step.commanded_climb_angle_rad;
-    state.commanded_speed_mps = step.command.speed_mps;
-    state.surface_m = raster::sample_bilinear(map.surface_m, point);
-    state.terrain_m = raster::sample_bilinear(map.terrain_m, point);
-    trajectory.states.push_back(state);
-  }
-  return trajectory;
 }
 
 // "15.24", or "15.24 to 150.00" with an exposure volume.
@@ -252,36 +215,39 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   const geo::MapProjection projection(map.crs_wkt);
   const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
                               config.reference_height_m);
-  const command_model::CommandModel model(config.vehicle);
 
-  const double speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);
-  command_model::ModelState initial =
-      local_planning::state_at_start(route_plan.route.guide, speed_mps, config.vehicle.limits);
+  RouteTask task;
+  task.start = route_plan.start;
+  task.goal = route_plan.goal;
+  task.guide = route_plan.route.guide;
+  task.speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);
+  task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle.limits);
   if (route_plan.request.start_heading_true_rad) {
-    initial.heading_math_rad = math_angle_from_azimuth_rad(
-        grid_from_true_azimuth_rad(*route_plan.request.start_heading_true_rad,
-                                   projection.convergence_rad({initial.x_m, initial.y_m})));
+    task.initial.heading_math_rad = math_angle_from_azimuth_rad(grid_from_true_azimuth_rad(
+        *route_plan.request.start_heading_true_rad,
+        projection.convergence_rad({task.initial.x_m, task.initial.y_m})));
   }
-
-  const local_planning::StepModel in_process =
-      [&](const command_model::ModelState& state, const command_model::Command& command,
-          double step_s) { return model.step(state, command, step_s); };
-  auto flown =
-      local_planning::fly_along(costs, config.vehicle, config.local, route_plan.route.guide,
-                                initial, speed_mps, step_model ? step_model : in_process, observer);
+  task.held = {route_plan.goal};
+  for (const flight::RequestPoint& via : route_plan.request.via) {
+    if (via.height_m) {
+      const geo::MapPoint point = projection.to_map(via.position);
+      task.held.push_back(
+          {point.x_m, point.y_m, raster::sample_bilinear(map.surface_m, point) + *via.height_m});
+    }
+  }
+  auto flown = fly_route(costs, config, task, step_model, observer);
   if (auto* no_plan = std::get_if<NoPlan>(&flown)) {
     return std::move(*no_plan);
   }
-  const auto& flight = std::get<local_planning::Flight>(flown);
+  auto& flight = std::get<RouteFlight>(flown);
 
   flight::Plan plan;
   plan.route_plan = route_plan;
-  plan.trajectory = to_trajectory(flight, map, projection);
-  plan.measures = costs.measures(plan.trajectory, config.demands.ceiling_height_m);
+  plan.trajectory = std::move(flight.trajectory);
+  plan.measures = flight.measures;
   plan.decisions = flight.decisions;
   plan.infeasible_decisions = flight.infeasible_decisions;
-  plan.verdict = verification::verify(map, plan.trajectory, route_plan.start, route_plan.goal,
-                                      config.vehicle.limits, config.demands);
+  plan.verdict = std::move(flight.verdict);
   if (plan.infeasible_decisions > 0) {
     plan.warnings.push_back("in " + std::to_string(plan.infeasible_decisions) + " of " +
                             std::to_string(plan.decisions) +

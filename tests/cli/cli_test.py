@@ -541,6 +541,28 @@ class Json(CliTest):
         self.assertEqual(found["seed"], 5)
         self.assertGreaterEqual(found["problems"][0]["distance_m"], 8000.0)
 
+    def test_evaluate_table2_and_local_safety(self):
+        area = self.work / "area"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        common = ["--map", area, "--seed", "5", "--routes", self.work / "routes", "--set", "global.work_budget=60000"]
+        table = self.one_object("evaluate", "table2", "--runs", "1", *common)
+        self.assertEqual([c["name"] for c in table["comparisons"]], ["optimised", "lateral"])
+        for comparison in table["comparisons"]:
+            self.assertEqual(comparison["pairs"], 1)
+            self.assertEqual(comparison["regressions"], 0)
+            self.assertGreater(comparison["length"]["baseline_sum"], 9900.0)  # drawn at least 10 km apart
+        kept = sorted((self.work / "routes").rglob("*.json"))
+        self.assertGreaterEqual(len(kept), 1)
+        times = [file.stat().st_mtime_ns for file in kept]
+        safety = self.one_object("evaluate", "local-safety", "--flights", "1", *common)
+        self.assertEqual([file.stat().st_mtime_ns for file in kept], times, "the same routes, not planned again")
+        self.assertEqual([row["towers"] for row in safety["rows"]], [False, False, True, True])
+        for row in safety["rows"]:
+            self.assertEqual((row["flights"], row["seed"]), (1, 5))
+            self.assertLessEqual(row["collisions"], row["reached"])
+        self.assertLess(safety["rows"][1]["mean_height_m"], safety["rows"][0]["mean_height_m"])
+
     def test_evaluate_protection(self):
         found = self.one_object("evaluate", "protection", "--map", self.map, "--cells", "4", "--seed", "7")
         self.assertGreater(found["cpu_s_per_million_cells"], 0.0)

@@ -18,6 +18,7 @@
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
 #include "command_model/command_model.hpp"
+#include "evaluation/local_flights.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
 #include "map_sources/vector_mapping.hpp"
@@ -56,6 +57,12 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_random_options(random);
   ConfigReader protection = reader.required_section("protection");
   evaluation::read_protection_options(protection);
+  ConfigReader routes = reader.required_section("routes");
+  evaluation::read_route_rules(routes);
+  ConfigReader table2 = reader.required_section("table2");
+  evaluation::read_table2_options(table2);
+  ConfigReader safety = reader.required_section("local_safety");
+  evaluation::read_local_safety_options(safety);
   reader.finish();
 }
 

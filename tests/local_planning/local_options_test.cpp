@@ -46,6 +46,11 @@ TEST(LocalOptions, ValuesOutOfRangeAreRefusedByName) {
            {"local.climb_indicator.spring_1ps2=-1", "local.climb_indicator.spring_1ps2"},
            {"local.climb_ahead.sample_s=0", "local.climb_ahead.sample_s"},
            {"local.climb_ahead.use=7", "local.climb_ahead.use"},
+           {"local.vertical_pass.knot_s=0", "local.vertical_pass.knot_s"},
+           {"local.vertical_pass.clearance_m=0", "local.vertical_pass.clearance_m"},
+           {"local.vertical_pass.rate_share=1.1", "local.vertical_pass.rate_share"},
+           {"local.compare_with_following=2", "local.compare_with_following"},
+           {"local.bank_weight_1prad=-1", "local.bank_weight_1prad"},
            {"local.sectors=64.5", "local.sectors"}}) {
     EXPECT_THAT(error_of(setting), HasSubstr("'" + key + "'")) << setting;
   }

@@ -1,0 +1,210 @@
+#include "evaluate_local.hpp"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <random>
+
+#include "base/shipped_config.hpp"
+#include "evaluation/local_flights.hpp"
+#include "map/map_bundle.hpp"
+
+namespace hedgehop::cli {
+namespace {
+
+struct LocalArguments {
+  std::string map;
+  std::int64_t flights = 0;
+  std::uint64_t seed = 0;
+  bool has_seed = false;
+  std::string config_file;
+  std::vector<std::string> settings;
+  std::string routes_folder;
+};
+
+struct LocalEvaluationConfig {
+  evaluation::DrawingRules routes;
+  evaluation::Table2Options table2;
+  evaluation::LocalSafetyOptions safety;
+};
+
+LocalEvaluationConfig config_from(ConfigReader& reader) {
+  LocalEvaluationConfig config;
+  ConfigReader routes = reader.required_section("routes");
+  config.routes = evaluation::read_route_rules(routes);
+  ConfigReader table2 = reader.required_section("table2");
+  config.table2 = evaluation::read_table2_options(table2);
+  ConfigReader safety = reader.required_section("local_safety");
+  config.safety = evaluation::read_local_safety_options(safety);
+  return config;
+}
+
+LocalEvaluationConfig shipped_evaluation() {
+  ConfigReader reader =
+      ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+  return config_from(reader);
+}
+
+planning::PlanningConfig planning_config(const LocalArguments& arguments) {
+  return planning::read_planning_config(
+      planning::effective_planning_config(arguments.config_file, arguments.settings),
+      "effective configuration");
+}
+
+evaluation::DrawnRoutes routes_of(const map::Map& map, const planning::PlanningConfig& config,
+                                  const evaluation::DrawingRules& rules, std::int64_t count,
+                                  std::uint64_t seed, const LocalArguments& arguments,
+                                  Observer& observer) {
+  const auto plan = [](const map::Map& on, const flight::PlanRequest& request,
+                       const planning::PlanningConfig& with, Observer& watcher) {
+    return planning::plan_route(on, request, with, {}, watcher);
+  };
+  return evaluation::draw_routes(map, config, rules, count, seed, arguments.routes_folder, plan,
+                                 observer);
+}
+
+std::uint64_t seed_of(const Console& console, const LocalArguments& arguments) {
+  const std::uint64_t seed = arguments.has_seed ? arguments.seed : std::random_device{}();
+  console.say("seed " + std::to_string(seed));
+  return seed;
+}
+
+void print_change(const char* name, const evaluation::PairedChange& change, const char* paper) {
+  std::printf("  %-11s %+6.1f %%  [%+.1f, %+.1f]   mean %+.1f +- %.1f %%   paper %s\n", name,
+              100.0 * change.change, 100.0 * change.low, 100.0 * change.high,
+              100.0 * change.mean_change, 100.0 * change.change_deviation, paper);
+}
+
+ExitCode run_table2(const Console& console, const LocalArguments& arguments) {
+  LocalEvaluationConfig options = shipped_evaluation();
+  if (arguments.flights > 0) {
+    options.table2.runs = arguments.flights;
+  }
+  const std::uint64_t seed = seed_of(console, arguments);
+  const planning::PlanningConfig config = planning_config(arguments);
+  const map::Map map = map::read_map_bundle(arguments.map);
+  const auto observer = console.observer();
+  const evaluation::DrawnRoutes routes =
+      routes_of(map, config, options.routes, options.table2.runs, seed, arguments, *observer);
+  const evaluation::Table2Result result =
+      evaluation::evaluate_table2(map, config, options.table2, routes, seed, *observer);
+  if (console.is_json) {
+    std::printf("%s", evaluation::table2_result_json(result).c_str());
+    return ExitCode::kOk;
+  }
+  for (const evaluation::Table2Comparison& comparison : result.comparisons) {
+    std::printf("%s against plain following, %lld pairs (seed %llu)\n", comparison.name.c_str(),
+                static_cast<long long>(comparison.pairs),
+                static_cast<unsigned long long>(result.seed));
+    if (comparison.pairs > 0) {
+      print_change("length", comparison.length, "+2 +- 1 %");
+      print_change("visibility", comparison.visibility, "-2 +- 4 %");
+      print_change("semantics", comparison.semantics, "-4 +- 2 %");
+      print_change("height", comparison.height, "-9 +- 9 %");
+      print_change("bank", comparison.bank, "+45 +- 16 %");
+      print_change("cost", comparison.cost, "-");
+    }
+    std::printf(
+        "  %lld cost more than plain following, which was taken %lld times; %lld not "
+        "verified\n",
+        static_cast<long long>(comparison.regressions),
+        static_cast<long long>(comparison.plain_taken),
+        static_cast<long long>(comparison.not_verified));
+  }
+  return ExitCode::kOk;
+}
+
+ExitCode run_local_safety(const Console& console, const LocalArguments& arguments) {
+  LocalEvaluationConfig options = shipped_evaluation();
+  if (arguments.flights > 0) {
+    options.safety.flights = arguments.flights;
+  }
+  const std::uint64_t seed = seed_of(console, arguments);
+  const planning::PlanningConfig config = planning_config(arguments);
+  const map::Map map = map::read_map_bundle(arguments.map);
+  const auto observer = console.observer();
+  const evaluation::DrawnRoutes routes =
+      routes_of(map, config, options.routes, options.safety.flights, seed, arguments, *observer);
+  const evaluation::LocalSafetyResult result =
+      evaluation::evaluate_local_safety(map, config.text, options.safety, routes, seed, *observer);
+  if (console.is_json) {
+    std::printf("%s", evaluation::local_safety_result_json(result).c_str());
+    return ExitCode::kOk;
+  }
+  std::printf("%-10s %-6s %7s %7s %10s %10s %11s %11s %12s\n", "planner", "towers", "flights",
+              "reached", "collisions", "violations", "clearance_m", "height_m", "low_share");
+  for (const evaluation::LocalSafetyRow& row : result.rows) {
+    std::printf("%-10s %-6s %7lld %7lld %10lld %10lld %11.1f %11.1f %11.1f%%\n",
+                row.planner.c_str(), row.has_towers ? "yes" : "no",
+                static_cast<long long>(row.flights), static_cast<long long>(row.reached),
+                static_cast<long long>(row.collisions),
+                static_cast<long long>(row.clearance_violations), row.min_clearance_m,
+                row.mean_height_m, 100.0 * row.share_under_ceiling_off_towers);
+  }
+  return ExitCode::kOk;
+}
+
+std::shared_ptr<LocalArguments> add_arguments(CLI::App& verb, Console& console,
+                                              const char* flights_name, const char* flights_help) {
+  auto arguments = std::make_shared<LocalArguments>();
+  verb.add_option("--map", arguments->map, "Map bundle")->required();
+  verb.add_option(flights_name, arguments->flights, flights_help)->check(CLI::Range(1, 100000));
+  verb.add_option_function<std::uint64_t>(
+      "--seed",
+      [arguments](const std::uint64_t& value) {
+        arguments->seed = value;
+        arguments->has_seed = true;
+      },
+      "Seed of all that is drawn (default: a fresh one, printed)");
+  verb.add_option("--routes", arguments->routes_folder,
+                  "Folder that keeps the global routes for the next run (default: none is kept)");
+  verb.add_option("--config", arguments->config_file,
+                  "YAML file whose keys replace those of the shipped planning.yaml");
+  verb.add_option("--set", arguments->settings, "One setting, key=value; may be repeated")
+      ->allow_extra_args(false);
+  add_common_options(verb, console);
+  return arguments;
+}
+
+}  // namespace
+
+void read_local_evaluation_config(ConfigReader& reader) { config_from(reader); }
+
+void add_local_evaluation_verbs(CLI::App& evaluate, Console& console) {
+  auto* table2 =
+      evaluate.add_subcommand("table2", "Compare local planning with its optimisation and without");
+  table2->footer(
+      "Draws problems with start and goal at least 10 km apart, plans a global route for each, and "
+      "flies it twice: with local optimisation as the config says, and following the route plainly "
+      "(plain_settings of evaluation.yaml). Changes are those of the sums, with a 95 % bootstrap "
+      "interval; mean and standard deviation are of each pair's own change, as in the paper's "
+      "table 2. The comparison 'lateral' leaves out the vertical pass.\n"
+      "Global routes depend on map, seed and all of the config but its section local; --routes "
+      "keeps them, also those of an interrupted run.\n"
+      "Example:\n"
+      "  hedgehop evaluate table2 --map map --runs 100 --seed 7 --routes routes --json");
+  auto of_table2 =
+      add_arguments(*table2, console, "--runs", "Number of pairs (default: evaluation.yaml)");
+  table2->callback([&console, of_table2] {
+    console.action = [&console, of_table2] { return run_table2(console, *of_table2); };
+  });
+
+  auto* safety = evaluate.add_subcommand(
+      "local-safety", "Count collisions of local planning, with and without unknown towers");
+  safety->footer(
+      "Flies global routes of 10 km and more once for each row of local_safety in "
+      "evaluation.yaml. Rows with towers fly among towers of one cell that were added after global "
+      "planning. A collision is a path that touches the surface between two states, a violation "
+      "one "
+      "that comes nearer than verification.required_clearance_m, both by the independent "
+      "verifier.\n"
+      "Example:\n"
+      "  hedgehop evaluate local-safety --map map --flights 200 --seed 7 --routes routes --json");
+  auto of_safety =
+      add_arguments(*safety, console, "--flights", "Number of flights (default: evaluation.yaml)");
+  safety->callback([&console, of_safety] {
+    console.action = [&console, of_safety] { return run_local_safety(console, *of_safety); };
+  });
+}
+
+}  // namespace hedgehop::cli

@@ -1,0 +1,378 @@
+#include "evaluation/local_flights.hpp"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <oneapi/tbb/parallel_for.h>
+#include <optional>
+
+#include "base/errors.hpp"
+#include "evaluation/crowd_observer.hpp"
+#include "global_planning/random_source.hpp"
+
+namespace hedgehop::evaluation {
+namespace {
+
+using planning::PlanningConfig;
+using planning::RouteFlight;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kCostRounding = 1e-9;
+
+PlanningConfig config_with(const std::string& text, const std::vector<std::string>& settings) {
+  std::string changed = text;
+  for (const std::string& setting : settings) {
+    changed = set_config_value(changed, setting);
+  }
+  return planning::read_planning_config(changed, "planning config with settings of an evaluation");
+}
+
+risk::CostModel costs_of(const map::Map& map, const PlanningConfig& config) {
+  return {map, config.weights, config.semantics, config.unknown_visibility,
+          config.reference_height_m};
+}
+
+// Nothing if the flight did not reach the goal.
+std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningConfig& config,
+                                 const DrawnRoute& route, const Observer& observer) {
+  planning::RouteTask task;
+  task.start = route.start;
+  task.goal = route.goal;
+  task.guide = route.guide;
+  task.held = {route.goal};
+  task.speed_mps = config.speed_mps;
+  task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle.limits);
+  CrowdObserver crowd(observer);
+  auto answer = planning::fly_route(costs, config, task, {}, crowd);
+  observer.check_stop();
+  auto* flight = std::get_if<RouteFlight>(&answer);
+  return flight != nullptr ? std::optional(std::move(*flight)) : std::nullopt;
+}
+
+// What table 2 needs of a flight.
+struct Outcome {
+  bool is_reached = false;
+  bool is_verified = false;
+  bool is_following = false;
+  double cost_m = 0.0;
+  flight::PathMeasures measures;
+};
+
+Outcome outcome_of(const std::optional<RouteFlight>& flight) {
+  if (!flight) {
+    return {};
+  }
+  return {true, flight->verdict.is_verified, flight->is_following, flight->cost_m,
+          flight->measures};
+}
+
+Table2Comparison compared(const std::string& name, const std::vector<Outcome>& optimised,
+                          const std::vector<Outcome>& plain, const Table2Options& options,
+                          std::uint64_t seed) {
+  Table2Comparison result;
+  result.name = name;
+  struct Column {
+    PairedChange* change;
+    double (*value)(const Outcome&);
+    std::vector<double> values;
+    std::vector<double> baseline;
+  };
+  std::array<Column, 6> columns{
+      {{&result.length, [](const Outcome& o) { return o.measures.length_m; }, {}, {}},
+       {&result.visibility, [](const Outcome& o) { return o.measures.visibility_m; }, {}, {}},
+       {&result.semantics, [](const Outcome& o) { return o.measures.semantics_m; }, {}, {}},
+       {&result.height, [](const Outcome& o) { return o.measures.mean_height_m; }, {}, {}},
+       {&result.bank, [](const Outcome& o) { return o.measures.bank_rad_m; }, {}, {}},
+       {&result.cost, [](const Outcome& o) { return o.cost_m; }, {}, {}}}};
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    if (!optimised[i].is_reached || !plain[i].is_reached) {
+      continue;
+    }
+    ++result.pairs;
+    result.not_verified += optimised[i].is_verified ? 0 : 1;
+    result.plain_taken += optimised[i].is_following ? 1 : 0;
+    // A plain flight that breaks a demand is no plan that one could be worse than.
+    result.regressions +=
+        plain[i].is_verified && optimised[i].cost_m > plain[i].cost_m * (1.0 + kCostRounding) ? 1
+                                                                                              : 0;
+    for (Column& column : columns) {
+      column.values.push_back(column.value(optimised[i]));
+      column.baseline.push_back(column.value(plain[i]));
+    }
+  }
+  if (result.pairs > 0) {
+    for (Column& column : columns) {
+      *column.change = paired_change(column.values, column.baseline, options.bootstrap_draws, seed);
+    }
+  }
+  return result;
+}
+
+// What local safety needs of a flight.
+struct SafetyOutcome {
+  bool is_reached = false;
+  bool is_verified = false;
+  double clearance_min_m = kNan;
+  double length_m = 0.0;
+  double height_integral_m2 = 0.0;
+  double low_m = 0.0;
+  double off_towers_m = 0.0;
+  double low_off_towers_m = 0.0;
+};
+
+// Cells whose centres lie within `radius_m` of a tower.
+raster::Grid<std::uint8_t> near_towers(const raster::GridGeometry& geometry,
+                                       const std::vector<geo::MapPoint>& towers, double radius_m) {
+  raster::Grid<std::uint8_t> near(geometry, 0);
+  const int reach = static_cast<int>(radius_m / geometry.cell_m);
+  for (const geo::MapPoint& tower : towers) {
+    const raster::CellIndex at = geometry.cell_at(tower);
+    for (int row = -reach; row <= reach; ++row) {
+      for (int column = -reach; column <= reach; ++column) {
+        const raster::CellIndex cell{at.column + column, at.row + row};
+        if (geometry.contains(cell) &&
+            geometry.cell_m * geometry.cell_m * (row * row + column * column) <=
+                radius_m * radius_m) {
+          near.at(cell) = 1;
+        }
+      }
+    }
+  }
+  return near;
+}
+
+SafetyOutcome safety_of(const std::optional<RouteFlight>& flight,
+                        const raster::Grid<std::uint8_t>& near, double ceiling_m) {
+  SafetyOutcome outcome;
+  if (!flight) {
+    return outcome;
+  }
+  outcome.is_reached = true;
+  outcome.is_verified = flight->verdict.is_verified;
+  outcome.clearance_min_m = flight->verdict.clearance_min_m;
+  outcome.length_m = flight->measures.length_m;
+  outcome.height_integral_m2 = flight->measures.mean_height_m * flight->measures.length_m;
+  outcome.low_m = flight->measures.share_under_ceiling * flight->measures.length_m;
+  const std::vector<flight::FlightState>& states = flight->trajectory.states;
+  for (std::size_t i = 1; i < states.size(); ++i) {
+    const raster::CellIndex cell = near.geometry().cell_at(states[i].point());
+    if (near.geometry().contains(cell) && near.at(cell) != 0) {
+      continue;
+    }
+    const double dx_m = states[i].x_m - states[i - 1].x_m;
+    const double dy_m = states[i].y_m - states[i - 1].y_m;
+    const double way_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+    outcome.off_towers_m += way_m;
+    if (states[i].altitude_m - states[i].surface_m <= ceiling_m) {
+      outcome.low_off_towers_m += way_m;
+    }
+  }
+  return outcome;
+}
+
+LocalSafetyRow row_of(const LocalSafetyOptions::Row& asked,
+                      const std::vector<SafetyOutcome>& outcomes, const DrawnRoutes& routes,
+                      double required_clearance_m) {
+  LocalSafetyRow row;
+  row.planner = asked.planner;
+  row.has_towers = asked.has_towers;
+  row.settings = asked.settings;
+  row.flights = static_cast<std::int64_t>(outcomes.size());
+  row.min_clearance_m = kNan;
+  double height_integral_m2 = 0.0;
+  double clearance_sum_m = 0.0;
+  double low_m = 0.0;
+  double off_towers_m = 0.0;
+  double low_off_towers_m = 0.0;
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    const SafetyOutcome& outcome = outcomes[i];
+    const bool is_clear = outcome.is_reached && outcome.clearance_min_m >= required_clearance_m;
+    if (!is_clear) {
+      row.unsafe_problems.push_back(routes.routes[i].problem);
+    }
+    if (!outcome.is_reached) {
+      continue;
+    }
+    ++row.reached;
+    row.collisions += outcome.clearance_min_m > 0.0 ? 0 : 1;
+    row.clearance_violations += is_clear ? 0 : 1;
+    row.not_verified += outcome.is_verified ? 0 : 1;
+    row.min_clearance_m = std::fmin(row.min_clearance_m, outcome.clearance_min_m);
+    clearance_sum_m += outcome.clearance_min_m;
+    row.length_m += outcome.length_m;
+    height_integral_m2 += outcome.height_integral_m2;
+    low_m += outcome.low_m;
+    off_towers_m += outcome.off_towers_m;
+    low_off_towers_m += outcome.low_off_towers_m;
+  }
+  const auto share = [](double part, double whole) { return whole > 0.0 ? part / whole : kNan; };
+  row.mean_min_clearance_m = share(clearance_sum_m, static_cast<double>(row.reached));
+  row.mean_height_m = share(height_integral_m2, row.length_m);
+  row.share_under_ceiling = share(low_m, row.length_m);
+  row.share_under_ceiling_off_towers = share(low_off_towers_m, off_towers_m);
+  return row;
+}
+
+}  // namespace
+
+Table2Options read_table2_options(ConfigReader& reader) {
+  Table2Options options;
+  options.runs = reader.required_integer("runs");
+  options.bootstrap_draws = reader.required_integer("bootstrap_draws");
+  options.plain_settings = reader.required_strings("plain_settings");
+  options.lateral_settings = reader.required_strings("lateral_settings");
+  reader.require(options.runs >= 1 && options.runs <= 100000, "runs",
+                 "must lie between 1 and 100000");
+  reader.require(options.bootstrap_draws >= 100 && options.bootstrap_draws <= 1000000,
+                 "bootstrap_draws", "must lie between 100 and 1000000");
+  reader.finish();
+  return options;
+}
+
+LocalSafetyOptions read_local_safety_options(ConfigReader& reader) {
+  LocalSafetyOptions options;
+  options.flights = reader.required_integer("flights");
+  options.towers_per_km2 = reader.required_double("towers_per_km2");
+  options.tower_height_min_m = reader.required_double("tower_height_min_m");
+  options.tower_height_max_m = reader.required_double("tower_height_max_m");
+  options.tower_free_radius_m = reader.required_double("tower_free_radius_m");
+  options.tower_near_m = reader.required_double("tower_near_m");
+  for (ConfigReader& section : reader.required_sections("rows")) {
+    LocalSafetyOptions::Row row;
+    row.planner = section.required_string("planner");
+    row.has_towers = section.required_bool("towers");
+    row.settings = section.required_strings("settings");
+    section.finish();
+    options.rows.push_back(std::move(row));
+  }
+  reader.require(options.flights >= 1 && options.flights <= 100000, "flights",
+                 "must lie between 1 and 100000");
+  reader.require(options.towers_per_km2 >= 0.0 && options.towers_per_km2 <= 1000.0,
+                 "towers_per_km2", "must lie between 0 and 1000");
+  reader.require(options.tower_height_min_m >= 0.0, "tower_height_min_m", "must not be negative");
+  reader.require(options.tower_height_max_m >= options.tower_height_min_m &&
+                     options.tower_height_max_m <= 1000.0,
+                 "tower_height_max_m", "must lie between tower_height_min_m and 1000");
+  reader.require(options.tower_free_radius_m >= 0.0, "tower_free_radius_m", "must not be negative");
+  reader.require(options.tower_near_m >= 0.0 && options.tower_near_m <= 10000.0, "tower_near_m",
+                 "must lie between 0 and 10000");
+  reader.require(!options.rows.empty(), "rows", "must name a planner");
+  reader.finish();
+  return options;
+}
+
+Table2Result evaluate_table2(const map::Map& map, const PlanningConfig& config,
+                             const Table2Options& options, const DrawnRoutes& routes,
+                             std::uint64_t seed, Observer& observer) {
+  const PlanningConfig plain_config = config_with(config.text, options.plain_settings);
+  const PlanningConfig lateral_config = config_with(config.text, options.lateral_settings);
+  const risk::CostModel costs = costs_of(map, config);
+  const std::size_t count = routes.routes.size();
+  std::vector<Outcome> plain(count);
+  std::vector<Outcome> lateral(count);
+  std::vector<Outcome> optimised(count);
+  std::atomic<std::size_t> done{0};
+  oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    const DrawnRoute& route = routes.routes[i];
+    plain[i] = outcome_of(flown(costs, plain_config, route, observer));
+    lateral[i] = outcome_of(flown(costs, lateral_config, route, observer));
+    optimised[i] = outcome_of(flown(costs, config, route, observer));
+    observer.progress("flights", static_cast<double>(++done), static_cast<double>(count));
+  });
+  observer.check_stop();
+
+  Table2Result result;
+  result.seed = seed;
+  result.map_hash = map.hash.hex();
+  result.runs = static_cast<std::int64_t>(count);
+  result.problems = routes.problems;
+  for (const Outcome& outcome : plain) {
+    result.plain_not_reached += outcome.is_reached ? 0 : 1;
+    result.plain_not_verified += outcome.is_reached && !outcome.is_verified ? 1 : 0;
+  }
+  result.comparisons.push_back(compared("optimised", optimised, plain, options, seed));
+  result.comparisons.push_back(compared("lateral", lateral, plain, options, seed));
+  return result;
+}
+
+std::vector<geo::MapPoint> add_towers(map::Map& map, const LocalSafetyOptions& options,
+                                      const DrawnRoute& route, std::uint64_t seed) {
+  const raster::GridGeometry& geometry = map.geometry;
+  const double area_km2 =
+      1e-6 * geometry.cell_m * geometry.cell_m * geometry.columns * geometry.rows;
+  const auto count = static_cast<std::int64_t>(std::floor(options.towers_per_km2 * area_km2 + 0.5));
+  global_planning::RandomSource random(seed);
+  std::vector<geo::MapPoint> towers;
+  for (std::int64_t tower = 0; tower < count; ++tower) {
+    const raster::CellIndex cell{static_cast<int>(random.unit() * geometry.columns),
+                                 static_cast<int>(random.unit() * geometry.rows)};
+    const double height_m =
+        options.tower_height_min_m +
+        random.unit() * (options.tower_height_max_m - options.tower_height_min_m);
+    const geo::MapPoint place = geometry.centre(cell);
+    const auto is_free = [&](const flight::Waypoint& end) {
+      const double dx_m = place.x_m - end.x_m;
+      const double dy_m = place.y_m - end.y_m;
+      return dx_m * dx_m + dy_m * dy_m >= options.tower_free_radius_m * options.tower_free_radius_m;
+    };
+    if (is_free(route.start) && is_free(route.goal)) {
+      // From the ground: a second tower on the same cell does not stand on the first.
+      map.surface_m.at(cell) =
+          std::max(map.surface_m.at(cell),
+                   static_cast<float>(static_cast<double>(map.terrain_m.at(cell)) + height_m));
+      towers.push_back(place);
+    }
+  }
+  return towers;
+}
+
+LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& config_text,
+                                        const LocalSafetyOptions& options,
+                                        const DrawnRoutes& routes, std::uint64_t seed,
+                                        Observer& observer) {
+  std::vector<PlanningConfig> configs;
+  for (const LocalSafetyOptions::Row& row : options.rows) {
+    configs.push_back(config_with(config_text, row.settings));
+  }
+  const std::size_t count = routes.routes.size();
+  std::vector<std::vector<SafetyOutcome>> outcomes(options.rows.size(),
+                                                   std::vector<SafetyOutcome>(count));
+  const raster::Grid<std::uint8_t> no_towers(map.geometry, 0);
+  std::atomic<std::size_t> done{0};
+  oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    const DrawnRoute& route = routes.routes[i];
+    std::optional<map::Map> with_towers;
+    std::optional<raster::Grid<std::uint8_t>> near;
+    for (std::size_t r = 0; r < options.rows.size(); ++r) {
+      if (options.rows[r].has_towers && !with_towers) {
+        with_towers = map;
+        const auto towers = add_towers(*with_towers, options, route,
+                                       seed + static_cast<std::uint64_t>(route.problem));
+        near = near_towers(map.geometry, towers, options.tower_near_m);
+      }
+      const bool has_towers = options.rows[r].has_towers;
+      const risk::CostModel costs = costs_of(has_towers ? *with_towers : map, configs[r]);
+      outcomes[r][i] =
+          safety_of(flown(costs, configs[r], route, observer), has_towers ? *near : no_towers,
+                    configs[r].demands.ceiling_height_m);
+    }
+    observer.progress("flights", static_cast<double>(++done), static_cast<double>(count));
+  });
+  observer.check_stop();
+
+  LocalSafetyResult result;
+  result.seed = seed;
+  result.map_hash = map.hash.hex();
+  result.problems = routes.problems;
+  result.options = options;
+  for (std::size_t r = 0; r < options.rows.size(); ++r) {
+    result.required_clearance_m = configs[r].demands.required_clearance_m;
+    result.rows.push_back(
+        row_of(options.rows[r], outcomes[r], routes, configs[r].demands.required_clearance_m));
+  }
+  return result;
+}
+
+}  // namespace hedgehop::evaluation

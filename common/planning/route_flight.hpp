@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <variant>
+#include <vector>
+
+#include "planning/planning.hpp"
+
+namespace hedgehop::planning {
+
+/// A route to be flown.
+struct RouteTask {
+  flight::Waypoint start;
+  flight::Waypoint goal;
+  std::vector<flight::Waypoint> guide;
+  std::vector<flight::Waypoint> held;  // places that the vertical pass does not sink below
+  command_model::ModelState initial;   // at the first waypoint of the guide
+  double speed_mps = 0.0;
+};
+
+/// A route as flown and checked.
+struct RouteFlight {
+  flight::Trajectory trajectory;
+  flight::PathMeasures measures;
+  flight::Verdict verdict;
+  double cost_m = 0.0;        // local_planning::flight_cost_m()
+  bool is_following = false;  // plainly along the guide, without local optimisation
+  bool is_lowered = false;    // by the vertical pass
+  std::int64_t decisions = 0;
+  std::int64_t infeasible_decisions = 0;
+};
+
+/// Flies a route in each way that the config allows and returns the cheapest flight that verifies:
+/// optimised locally, and if `compare_with_following` says so following the guide plainly; each
+/// lowered by the vertical pass if that is used, and as it was.
+///
+/// So a plan is never worse than plain following, by flight_cost_m(). If no flight verifies, the
+/// one with the greatest clearance is returned. If the optimised flight gets stuck, the plain one
+/// counts alone, and the other way round; NoPlan if both do.
+std::variant<RouteFlight, flight::NoPlan> fly_route(const risk::CostModel& costs,
+                                                    const PlanningConfig& config,
+                                                    const RouteTask& task,
+                                                    const local_planning::StepModel& step_model,
+                                                    Observer& observer);
+
+}  // namespace hedgehop::planning
