@@ -12,6 +12,8 @@
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
 #include "evaluate_local.hpp"
+#include "evaluate_optimality.hpp"
+#include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
 #include "map/map_bundle.hpp"
@@ -42,6 +44,7 @@ struct ProtectionArguments {
 struct EvaluationConfig {
   evaluation::RandomOptions random;
   evaluation::ProtectionOptions protection;
+  evaluation::OptimalityConfig optimality;
 };
 
 EvaluationConfig evaluation_config() {
@@ -53,6 +56,8 @@ EvaluationConfig evaluation_config() {
   ConfigReader protection = reader.required_section("protection");
   config.protection = evaluation::read_protection_options(protection);
   read_local_evaluation_config(reader);
+  ConfigReader optimality = reader.required_section("optimality");
+  config.optimality = evaluation::read_optimality_config(optimality);
   reader.finish();
   return config;
 }
@@ -205,9 +210,11 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       "Examples:\n  hedgehop evaluate random --map map --problems 20 --json\n"
       "  hedgehop evaluate protection --map map --json\n"
       "  hedgehop evaluate table2 --map map --routes routes --json\n"
-      "  hedgehop evaluate local-safety --map map --routes routes --json");
+      "  hedgehop evaluate local-safety --map map --routes routes --json\n"
+      "  hedgehop evaluate optimality --map map --problems 5 --json");
   add_protection_verb(*verb, console);
   add_local_evaluation_verbs(*verb, console);
+  add_optimality_verb(*verb, console);
 
   auto* random = verb->add_subcommand(
       "random", "Plan problems with random start and goal, with the weights and with zero weights");

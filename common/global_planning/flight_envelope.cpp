@@ -238,6 +238,14 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
   return sum * share * leg_m;
 }
 
+double FlightEnvelope::density_at(const flight::Waypoint& point) const {
+  const Sample here = sample(point.x_m, point.y_m);
+  if (!(point.altitude_m >= here.band.low_m && point.altitude_m <= here.band.high_m)) {
+    return kInfinity;
+  }
+  return density(*here.nearest, point.altitude_m - here.surface_m);
+}
+
 bool FlightEnvelope::is_clear(const flight::Waypoint& a, const flight::Waypoint& b) const {
   if (!is_climb_allowed(a, b) || !contains(a) || !contains(b)) {
     return false;

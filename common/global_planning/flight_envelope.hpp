@@ -64,6 +64,10 @@ class FlightEnvelope {
   /// infinity if a midpoint leaves the band or the climb angle is too steep. About 15 ns a step.
   [[nodiscard]] double leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const;
 
+  /// Cost per metre by eq. (1) at a point [-], or infinity where it leaves the band: the integrand
+  /// of leg_cost_m(), for legs that are not straight.
+  [[nodiscard]] double density_at(const flight::Waypoint& point) const;
+
   /// Where a flight along the straight ground track from a to b may arrive.
   struct Arrival {
     AltitudeBand altitudes;  // all that can be had at b; not flyable if none

@@ -230,7 +230,8 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
   const std::int64_t refine_budget = options.refine ? search_budget / kRefineShare : 0;
   const auto tell = [&](double best_cost_m) {
     if (on_progress) {
-      on_progress(RouteProgress{route.work_units, budget, best_cost_m, lower_bound_m});
+      on_progress(RouteProgress{route.work_units, budget, best_cost_m, lower_bound_m,
+                                route.waypoints.empty() ? nullptr : &route.waypoints});
     }
   };
   tell(std::numeric_limits<double>::infinity());
@@ -253,7 +254,8 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
     const auto tell_of = [&](const BitStarSearch& search) {
       if (on_progress) {
         on_progress(RouteProgress{spent + search.counts().work_units, budget, search.best_cost_m(),
-                                  search.lower_bound_m()});
+                                  search.lower_bound_m(),
+                                  search.has_route() ? &search.best_route() : nullptr});
       }
     };
     const auto space = make_space_information(envelope, options.check_step_m);

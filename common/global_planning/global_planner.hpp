@@ -44,6 +44,7 @@ struct RouteProgress {
   std::int64_t work_budget = 0;
   double best_cost_m = 0.0;  // infinity before the first solution
   double lower_bound_m = 0.0;
+  const std::vector<flight::Waypoint>* best_route = nullptr;  // lives as long as the call; or null
 };
 using OnProgress = std::function<void(const RouteProgress&)>;
 

@@ -187,6 +187,9 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
       global_planning::RouteProgress whole = progress;
       whole.work_units += plan.route.work_units;
       whole.work_budget = budget;
+      if (legs > 1) {
+        whole.best_route = nullptr;  // that of one leg
+      }
       if (on_progress) {
         on_progress(whole);
       }

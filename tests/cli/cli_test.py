@@ -562,6 +562,31 @@ class Json(CliTest):
             self.assertEqual((row["flights"], row["seed"]), (1, 5))
             self.assertLessEqual(row["collisions"], row["reached"])
         self.assertLess(safety["rows"][1]["mean_height_m"], safety["rows"][0]["mean_height_m"])
+    def test_evaluate_optimality(self):
+        area = self.work / "area"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        arguments = ("evaluate", "optimality", "--map", area, "--problems", "2", "--budgets", "0.2,0.1", "--distance", "8000",
+                     "--polish-s", "0.2", "--seed", "5")
+        found = self.one_object(*arguments)
+        self.assertEqual([(row["planner"], row["budget_s"]) for row in found["rows"]],
+                         [(planner, budget) for planner in ("recommended", "bitstar", "ompl_bitstar") for budget in (0.1, 0.2)])
+        self.assertEqual(found["seed"], 5)
+        self.assertRegex(found["map_hash"], "^[0-9a-f]{32}$")
+        for row in found["rows"]:
+            self.assertTrue(0.0 <= row["success"] <= 1.0)
+            if row["solved"]:
+                # nothing is cheaper than the best known route, and that not than the bound
+                self.assertGreaterEqual(row["cost_over_best_median"], 1.0)
+                self.assertGreaterEqual(row["cost_over_bound_median"], row["cost_over_best_median"])
+        for problem in found["problems"]:
+            self.assertGreaterEqual(problem["distance_m"], 8000.0)
+            if problem["best_known_m"] is not None:
+                self.assertGreaterEqual(problem["best_known_m"], problem["lower_bound_m"])
+        result = self.hedgehop(*arguments, "--planners", "recommended,best_ever")
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("best_ever", result.stderr)
+        self.assertIn("ompl_abitstar", result.stderr)
 
     def test_evaluate_protection(self):
         found = self.one_object("evaluate", "protection", "--map", self.map, "--cells", "4", "--seed", "7")

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "evaluation/optimality_evaluation.hpp"
+#include "planning/planning.hpp"
+#include "risk/cost_model.hpp"
+
+namespace hedgehop::evaluation {
+
+/// Every planner that can take part, in the order of reports.
+std::vector<std::string> contestant_names();
+
+/// The planners of these names, all under the same config:
+///
+/// recommended   plan_leg() as the config has it
+/// bitstar       our BIT* as in the paper: straight length as heuristic, ellipse, insertion
+///               condition on the angle alone, no refinement
+/// ompl_...      the library's planners; see global_planning::StockPlanner
+/// dubins        the library's BIT* over Dubins curves
+///
+/// Time counts from before the flight envelope is built. The library's planners run in a child
+/// process each, which is ended `overrun_s` after the last budget. `costs` and `config` must
+/// outlive the contestants.
+/// @throws UsageError  for a name that is not in contestant_names().
+std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
+                                         const risk::CostModel& costs,
+                                         const planning::PlanningConfig& config, double overrun_s,
+                                         const ProcessClock& clock);
+
+/// Refines the candidates, then plans again and again with other resolutions and with our BIT*
+/// under other seeds, each refined, until the time is used up.
+Polish make_polish(const risk::CostModel& costs, const planning::PlanningConfig& config,
+                   const ProcessClock& clock);
+
+}  // namespace hedgehop::evaluation
