@@ -109,6 +109,25 @@ class StraightFrame final : public Frame {
   const FlightEnvelope* envelope_;
 };
 
+/// Position. The distance by which planners choose neighbours counts altitude as the way that it
+/// takes to climb or sink so far: near but steep edges are none.
+class ClimbSpace final : public ob::RealVectorStateSpace {
+ public:
+  explicit ClimbSpace(double climb_tangent_max)
+      : ob::RealVectorStateSpace(3), climb_cotangent_(1.0 / climb_tangent_max) {}
+  double distance(const ob::State* a, const ob::State* b) const override {
+    const double* from = a->as<StateType>()->values;
+    const double* to = b->as<StateType>()->values;
+    const double dx_m = from[0] - to[0];
+    const double dy_m = from[1] - to[1];
+    const double dz_m = climb_cotangent_ * (from[2] - to[2]);
+    return std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
+  }
+
+ private:
+  double climb_cotangent_;
+};
+
 class DubinsFrame final : public Frame {
  public:
   DubinsFrame(const FlightEnvelope& envelope, const GlobalOptions& options, double radius_m)
@@ -532,6 +551,9 @@ class StockPlanner::Search {
       frame_ = std::move(frame);
     } else {
       frame_ = std::make_unique<StraightFrame>(envelope);
+      auto places = std::make_shared<ClimbSpace>(envelope.climb_tangent_max());
+      places->setBounds(states->as<ob::RealVectorStateSpace>()->getBounds());
+      states = places;
     }
     const BandDrawing drawing(envelope, *frame_);
     states->setStateSamplerAllocator([drawing](const ob::StateSpace* space) {

@@ -36,7 +36,9 @@ std::string_view name_of(StockMethod method);
 ///
 /// The planners keep the library's default settings. What they are given beyond it: the straight
 /// length as heuristic, states drawn inside the height band (over the whole map at first, then
-/// inside the ellipse of the best cost). An edge counts only if FlightEnvelope::is_clear() holds.
+/// inside the ellipse of the best cost), and a distance for the choice of neighbours that counts
+/// altitude as the way it takes to climb so far (with the plain one RRT* often never joins the
+/// goal). An edge counts only if FlightEnvelope::is_clear() holds.
 /// The library has no place for a rule about turns, as an edge is judged without its neighbours,
 /// so routes may turn anyhow.
 ///

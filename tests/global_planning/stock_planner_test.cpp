@@ -27,7 +27,7 @@ struct StockCase {
 
   explicit StockCase(std::uint64_t seed)
       // Gentle enough for planners that try few edges.
-      : in(test::make_fractal_map(seed, 200, 30.0, 4000.0, 20.0), kWeights),
+      : in(test::make_fractal_map(seed, 200, 30.0, 4000.0, 4.0), kWeights),
         envelope(in.costs, options, in.above(1000, 1000), in.above(4800, 4600)) {}
 
   /// Stops after so many questions; returns the last route.
@@ -61,8 +61,8 @@ TEST_P(EachStockPlanner, FindsRoutesThatFlyAndGetCheaper) {
   StockPlanner planner(in.envelope, in.options, GetParam(), kRadius_m, test::fresh_seed());
   std::vector<double> costs_m;
   std::vector<Waypoint> route;
-  for (int attempt = 0; attempt < 20 && route.empty(); ++attempt) {
-    route = in.run(planner, 1500, &costs_m);
+  for (int attempt = 0; attempt < 60 && route.empty(); ++attempt) {
+    route = in.run(planner, 500, &costs_m);
   }
   ASSERT_FALSE(route.empty());
   EXPECT_TRUE(in.is_valid(route));

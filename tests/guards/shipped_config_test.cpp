@@ -19,6 +19,7 @@
 #include "base/errors.hpp"
 #include "command_model/command_model.hpp"
 #include "evaluation/local_flights.hpp"
+#include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
 #include "map_sources/vector_mapping.hpp"
@@ -63,6 +64,8 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_table2_options(table2);
   ConfigReader safety = reader.required_section("local_safety");
   evaluation::read_local_safety_options(safety);
+  ConfigReader optimality = reader.required_section("optimality");
+  evaluation::read_optimality_config(optimality);
   reader.finish();
 }
 
