@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <numbers>
 #include <string>
 
@@ -133,6 +134,13 @@ LocalOptions read_local_options(ConfigReader& reader) {
   options.vertical_pass = read_vertical_pass(vertical);
   options.is_compared_with_following = reader.required_bool("compare_with_following");
   options.bank_weight_1prad = not_negative(reader, "bank_weight_1prad");
+  options.retry_speeds_mps = reader.required_doubles("retry_speeds_mps");
+  reader.require(std::is_sorted(options.retry_speeds_mps.rbegin(), options.retry_speeds_mps.rend()),
+                 "retry_speeds_mps", "must descend");
+  for (const double speed_mps : options.retry_speeds_mps) {
+    reader.require(speed_mps > 0.0 && speed_mps <= 1000.0, "retry_speeds_mps",
+                   "must lie between 0 and 1000");
+  }
   reader.finish();
   return options;
 }

@@ -61,6 +61,7 @@ struct LocalOptions {
   bool is_compared_with_following = false;  // the flight that follows the guide plainly is flown
                                             // too, and taken where it costs less
   double bank_weight_1prad = 0.0;           // of a flight's cost, per metre and radian of bank
+  std::vector<double> retry_speeds_mps;     // descending: tried where no flight verifies
 };
 /// Throws ConfigError for unknown, missing, ill-typed or out-of-range keys.
 LocalOptions read_local_options(ConfigReader& reader);

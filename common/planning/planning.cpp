@@ -251,6 +251,10 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   plan.decisions = flight.decisions;
   plan.infeasible_decisions = flight.infeasible_decisions;
   plan.verdict = std::move(flight.verdict);
+  if (flight.speed_mps < task.speed_mps) {
+    plan.warnings.push_back("flown at " + text_of(flight.speed_mps, 1) + " m/s: at " +
+                            text_of(task.speed_mps, 1) + " m/s no flight along the route verifies");
+  }
   if (plan.infeasible_decisions > 0) {
     plan.warnings.push_back("in " + std::to_string(plan.infeasible_decisions) + " of " +
                             std::to_string(plan.decisions) +

@@ -63,21 +63,20 @@ bool is_cheaper(const Candidate& a, const Candidate& b) {
   return std::isnan(b.cost_m) ? !std::isnan(a.cost_m) : a.cost_m < b.cost_m;
 }
 
-}  // namespace
-
-std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
-                                            const PlanningConfig& config, const RouteTask& task,
-                                            const local_planning::StepModel& step_model,
-                                            Observer& observer) {
+// Flies the route at one speed in each way that the config allows, cheapest first. Nothing but the
+// reason if none arrives or the observer stops it.
+std::variant<std::vector<Candidate>, NoPlan> flown_at(
+    double speed_mps, const risk::CostModel& costs, const PlanningConfig& config,
+    const RouteTask& task, const local_planning::StepModel& step_model, Observer& observer) {
   const local_planning::LocalOptions& local = config.local;
   const command_model::CommandModel model(config.vehicle);
   std::vector<Candidate> candidates;
   std::optional<NoPlan> no_plan;
   const auto fly = [&](const local_planning::LocalOptions& options, bool is_following) {
     auto flown = local_planning::fly_along(costs, config.vehicle, options, task.guide, task.initial,
-                                           task.speed_mps, step_model, observer);
+                                           speed_mps, step_model, observer);
     if (auto* stuck = std::get_if<NoPlan>(&flown)) {
-      if (!no_plan) {
+      if (!no_plan || stuck->cause == flight::NoPlanCause::kStopped) {
         no_plan = std::move(*stuck);
       }
       return;
@@ -98,31 +97,65 @@ std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
   if (candidates.empty() || (no_plan && no_plan->cause == flight::NoPlanCause::kStopped)) {
     return *no_plan;
   }
-
   for (Candidate& candidate : candidates) {
     candidate.cost_m =
         local_planning::flight_cost_m(costs, candidate.flight, local.bank_weight_1prad);
   }
   std::stable_sort(candidates.begin(), candidates.end(), is_cheaper);
+  return candidates;
+}
+
+}  // namespace
+
+std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
+                                            const PlanningConfig& config, const RouteTask& task,
+                                            const local_planning::StepModel& step_model,
+                                            Observer& observer) {
   const geo::MapProjection projection(costs.map().crs_wkt);
-  std::optional<RouteFlight> best;
-  for (const Candidate& candidate : candidates) {
-    RouteFlight checked;
-    checked.trajectory = to_trajectory(candidate.flight, costs.map(), projection);
-    checked.verdict = verification::verify(costs.map(), checked.trajectory, task.start, task.goal,
-                                           config.vehicle.limits, config.demands);
-    checked.cost_m = candidate.cost_m;
-    checked.is_following = candidate.is_following;
-    checked.is_lowered = candidate.is_lowered;
-    checked.decisions = candidate.flight.decisions;
-    checked.infeasible_decisions = candidate.flight.infeasible_decisions;
-    if (!best || checked.verdict.is_verified ||
-        checked.verdict.clearance_min_m > best->verdict.clearance_min_m) {
-      best = std::move(checked);
+  std::vector<double> speeds_mps{task.speed_mps};
+  for (const double speed_mps : config.local.retry_speeds_mps) {
+    if (speed_mps < speeds_mps.back() && speed_mps >= config.vehicle.limits.speed_min_mps) {
+      speeds_mps.push_back(speed_mps);
     }
-    if (best->verdict.is_verified) {
+  }
+  std::optional<RouteFlight> best;
+  std::optional<NoPlan> no_plan;
+  for (const double speed_mps : speeds_mps) {
+    auto flown = flown_at(speed_mps, costs, config, task, step_model, observer);
+    if (auto* none = std::get_if<NoPlan>(&flown)) {
+      if (none->cause == flight::NoPlanCause::kStopped) {
+        return std::move(*none);
+      }
+      if (!no_plan) {
+        no_plan = std::move(*none);
+      }
+      continue;
+    }
+    for (const Candidate& candidate : std::get<std::vector<Candidate>>(flown)) {
+      RouteFlight checked;
+      checked.trajectory = to_trajectory(candidate.flight, costs.map(), projection);
+      checked.verdict = verification::verify(costs.map(), checked.trajectory, task.start, task.goal,
+                                             config.vehicle.limits, config.demands);
+      checked.cost_m = candidate.cost_m;
+      checked.speed_mps = speed_mps;
+      checked.is_following = candidate.is_following;
+      checked.is_lowered = candidate.is_lowered;
+      checked.decisions = candidate.flight.decisions;
+      checked.infeasible_decisions = candidate.flight.infeasible_decisions;
+      if (!best || checked.verdict.is_verified ||
+          checked.verdict.clearance_min_m > best->verdict.clearance_min_m) {
+        best = std::move(checked);
+      }
+      if (best->verdict.is_verified) {
+        break;
+      }
+    }
+    if (best && best->verdict.is_verified) {
       break;
     }
+  }
+  if (!best) {
+    return *no_plan;
   }
   best->measures = costs.measures(best->trajectory, config.demands.ceiling_height_m);
   return std::move(*best);

@@ -24,6 +24,7 @@ struct RouteFlight {
   flight::PathMeasures measures;
   flight::Verdict verdict;
   double cost_m = 0.0;        // local_planning::flight_cost_m()
+  double speed_mps = 0.0;     // that was asked of the local planner
   bool is_following = false;  // plainly along the guide, without local optimisation
   bool is_lowered = false;    // by the vertical pass
   std::int64_t decisions = 0;
@@ -34,9 +35,11 @@ struct RouteFlight {
 /// optimised locally, and if `compare_with_following` says so following the guide plainly; each
 /// lowered by the vertical pass if that is used, and as it was.
 ///
-/// So a plan is never worse than plain following, by flight_cost_m(). If no flight verifies, the
-/// one with the greatest clearance is returned. If the optimised flight gets stuck, the plain one
-/// counts alone, and the other way round; NoPlan if both do.
+/// So a plan is never worse than plain following, by flight_cost_m(). If the optimised flight gets
+/// stuck, the plain one counts alone, and the other way round. If no flight verifies, all is tried
+/// again at each lower speed of `retry_speeds_mps`: slower, the same climb rate is a steeper climb
+/// and a turn is tighter. If none verifies at last, the one with the greatest clearance is
+/// returned; NoPlan if none arrived.
 std::variant<RouteFlight, flight::NoPlan> fly_route(const risk::CostModel& costs,
                                                     const PlanningConfig& config,
                                                     const RouteTask& task,

@@ -51,6 +51,7 @@ TEST(LocalOptions, ValuesOutOfRangeAreRefusedByName) {
            {"local.vertical_pass.rate_share=1.1", "local.vertical_pass.rate_share"},
            {"local.compare_with_following=2", "local.compare_with_following"},
            {"local.bank_weight_1prad=-1", "local.bank_weight_1prad"},
+           {"local.retry_speeds_mps=[20, 30]", "local.retry_speeds_mps"},
            {"local.sectors=64.5", "local.sectors"}}) {
     EXPECT_THAT(error_of(setting), HasSubstr("'" + key + "'")) << setting;
   }

@@ -69,7 +69,8 @@ RouteFlight flown(const map::Map& map, const PlanningConfig& config) {
 const std::vector<std::string> kPlain{
     "local.weights.semantics=0",     "local.weights.visibility=0",
     "local.weights.climb=0",         "local.weights.climb_relative=0",
-    "local.vertical_pass.use=false", "local.compare_with_following=false"};
+    "local.vertical_pass.use=false", "local.compare_with_following=false",
+    "local.retry_speeds_mps=[]"};
 
 TEST(RouteFlight, NeverCostsMoreThanPlainFollowing) {
   std::mt19937_64 random(test::fresh_seed());
@@ -154,6 +155,42 @@ TEST(RouteFlight, LowersTheFlightAndKeepsTheRequiredClearance) {
   EXPECT_TRUE(low.verdict.is_verified);
   EXPECT_LT(low.measures.mean_height_m, 0.75 * high.measures.mean_height_m);
   EXPECT_GE(low.verdict.clearance_min_m, config_with({}).local.vertical_pass.clearance_m - 0.5);
+}
+
+TEST(RouteFlight, WayThatIsTooSteepAtFullSpeedIsFlownSlower) {
+  // A wall of 100 m with a ramp of 15 degrees before and behind it, as wide as the map; at 40 m/s
+  // the vehicle climbs 11 degrees. The guide runs level into it, so nothing climbs early enough.
+  map::Map map = seen_hills([](int, int) { return 0.3; }, 0.0);
+  for (int row = 0; row < 200; ++row) {
+    for (int column = 180; column < 220; ++column) {
+      const double rise_m = std::min(100.0, 30.0 * std::tan(0.26) * (20 - std::abs(column - 200)));
+      map.surface_m.at(column, row) += static_cast<float>(rise_m);
+      map.terrain_m.at(column, row) += static_cast<float>(rise_m);
+    }
+  }
+  test::finish_map(map);
+  const std::vector<std::string> short_sight{"local.window_m=100", "local.climb_ahead.use=false",
+                                             "local.vertical_pass.use=false"};
+  auto only_fast = short_sight;
+  only_fast.emplace_back("local.retry_speeds_mps=[]");
+  const auto level = [&](const PlanningConfig& config) {
+    const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
+                                config.reference_height_m);
+    SilentObserver observer;
+    RouteTask task = straight_task(map, config);
+    for (flight::Waypoint& waypoint : task.guide) {
+      waypoint.altitude_m = task.start.altitude_m;
+    }
+    return fly_route(costs, config, task, {}, observer);
+  };
+  const auto fast = level(config_with(only_fast));
+  ASSERT_TRUE(std::holds_alternative<RouteFlight>(fast));
+  EXPECT_FALSE(std::get<RouteFlight>(fast).verdict.is_verified);
+  EXPECT_EQ(std::get<RouteFlight>(fast).speed_mps, 40.0);
+  const auto retried = level(config_with(short_sight));
+  ASSERT_TRUE(std::holds_alternative<RouteFlight>(retried));
+  EXPECT_TRUE(std::get<RouteFlight>(retried).verdict.is_verified);
+  EXPECT_LT(std::get<RouteFlight>(retried).speed_mps, 40.0);
 }
 
 TEST(RouteFlight, StopRequestEndsItWithItsCause) {

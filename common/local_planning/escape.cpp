@@ -1,0 +1,131 @@
+#include "local_planning/escape.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+
+#include "base/angles.hpp"
+#include "base/elementary.hpp"
+#include "local_planning/vertical_pass.hpp"
+
+namespace hedgehop::local_planning {
+namespace {
+
+using command_model::Command;
+using command_model::CommandModel;
+using command_model::ModelState;
+
+constexpr int kStepsPerCheck = 5;
+constexpr double kRollIn_s = 2.0;
+constexpr std::array<double, 10> kTurns_deg{0.0,  30.0,  -30.0, 60.0,   -60.0,
+                                            90.0, -90.0, 135.0, -135.0, 180.0};
+
+class Attempt {
+ public:
+  Attempt(const raster::Grid<float>& surface_m, const CommandModel& model,
+          const EscapeOptions& options, double step_s)
+      : surface_m_(surface_m), model_(model), options_(options), step_s_(step_s) {}
+
+  // Flies until it is high enough; `command` gives the command of step i, or nothing at the end of
+  // the plan. Empty if the clearance is not kept, or the time is over.
+  std::vector<FlownStep> flown(
+      const ModelState& from,
+      const std::function<std::optional<Command>(std::size_t, const ModelState&)>& command) const {
+    std::vector<FlownStep> steps;
+    ModelState state = from;
+    std::size_t checked = 0;
+    const auto add = [&](const Command& with) {
+      FlownStep step;
+      step.state = state;
+      step.command = with;
+      step.target_heading_math_rad = with.heading_math_rad;
+      step.commanded_climb_angle_rad = elementary::atan(with.climb_rate_mps / state.speed_mps);
+      steps.push_back(step);
+    };
+    const auto steps_max = static_cast<std::size_t>(options_.time_max_s / step_s_);
+    for (std::size_t i = 0; i <= steps_max; ++i) {
+      const std::optional<Command> next = command(i, state);
+      add(next ? *next : steps.back().command);
+      const bool is_end = !next || (i % kStepsPerCheck == 0 && is_high(state));
+      if (is_end || i - checked == kStepsPerCheck) {
+        if (!is_clear(steps, checked)) {
+          return {};
+        }
+        checked = i;
+      }
+      if (is_end) {
+        return steps;
+      }
+      state = model_.step(state, *next, step_s_);
+    }
+    return {};
+  }
+
+ private:
+  [[nodiscard]] bool is_high(const ModelState& state) const {
+    const double radius_m =
+        2.0 * flight::turn_radius_min_m(state.speed_mps, model_.bank_command_max_rad()) +
+        kRollIn_s * state.speed_mps + options_.lateral_margin_m;
+    const double lowest_m =
+        raster::max_within(surface_m_, {state.x_m, state.y_m}, radius_m) + options_.clearance_m;
+    return state.climb_rate_mps >= 0.0 && state.altitude_m >= lowest_m;  // false for NaN
+  }
+
+  [[nodiscard]] bool is_clear(const std::vector<FlownStep>& steps, std::size_t from) const {
+    const ModelState& a = steps[from].state;
+    const ModelState& b = steps.back().state;
+    double lowest_m = a.altitude_m;
+    for (std::size_t i = from; i < steps.size(); ++i) {
+      lowest_m = std::min(lowest_m, steps[i].state.altitude_m);
+    }
+    return lowest_m >=
+           highest_beside_m(surface_m_, {a.x_m, a.y_m}, {b.x_m, b.y_m}, options_.lateral_margin_m) +
+               options_.clearance_m;
+  }
+
+  const raster::Grid<float>& surface_m_;
+  const CommandModel& model_;
+  const EscapeOptions& options_;
+  double step_s_;
+};
+
+}  // namespace
+
+std::optional<Escape> escape_from(const raster::Grid<float>& surface_m, const CommandModel& model,
+                                  const EscapeOptions& options, std::span<const FlownStep> ahead,
+                                  double step_s) {
+  if (ahead.size() < 2) {
+    throw std::invalid_argument("an escape needs two planned steps");
+  }
+  const ModelState& from = ahead.front().state;
+  const double climb_rate_mps = model.vehicle().limits.climb_rate_max_mps;
+  const Attempt attempt(surface_m, model, options, step_s);
+  for (const double turn_deg : kTurns_deg) {
+    const double turn_rad = radians_from_degrees(turn_deg);
+    const double heading_rad = wrap_to_pi(from.heading_math_rad + turn_rad);
+    std::vector<FlownStep> steps =
+        attempt.flown(from, [&](std::size_t, const ModelState&) -> std::optional<Command> {
+          return Command{options.speed_mps, heading_rad, climb_rate_mps};
+        });
+    if (!steps.empty()) {
+      return Escape{turn_rad, false, std::move(steps)};
+    }
+  }
+  std::vector<FlownStep> steps =
+      attempt.flown(from, [&](std::size_t i, const ModelState&) -> std::optional<Command> {
+        if (i + 1 >= ahead.size()) {
+          return std::nullopt;
+        }
+        Command command = ahead[i].command;
+        command.climb_rate_mps = climb_rate_mps;
+        return command;
+      });
+  if (!steps.empty()) {
+    return Escape{0.0, true, std::move(steps)};
+  }
+  return std::nullopt;
+}
+
+}  // namespace hedgehop::local_planning

@@ -1,0 +1,170 @@
+#include "local_planning/escape.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <gtest/gtest.h>
+#include <limits>
+#include <random>
+
+#include "local_planning/local_planning_setup.hpp"
+#include "local_planning/vertical_pass.hpp"
+#include "support/fresh_seed.hpp"
+#include "support/rough_terrain.hpp"
+#include "support/test_map.hpp"
+
+namespace hedgehop::local_planning {
+namespace {
+
+constexpr double kSpeed_mps = 40.0;
+constexpr double kStep_s = 0.05;
+const EscapeOptions kOptions{20.0, 10.0, 10.0, 120.0};
+
+class EscapeTest : public ::testing::Test {
+ protected:
+  std::optional<Flight> low_flight(const map::Map& map,
+                                   const std::vector<flight::Waypoint>& guide) {
+    SilentObserver observer;
+    const auto flown =
+        fly_along(test::test_costs(map), vehicle_, options_, guide,
+                  state_at_start(guide, kSpeed_mps, vehicle_.limits), kSpeed_mps, {}, observer);
+    const auto* flight = std::get_if<Flight>(&flown);
+    return flight == nullptr ? std::nullopt
+                             : lowered_flight(map.surface_m, model_, options_.vertical_pass,
+                                              *flight, {guide.back()}, {});
+  }
+
+  // The least height above the interpolated surface, at ten places of each step.
+  static double least_height_m(const map::Map& map, const std::vector<FlownStep>& steps) {
+    double least_m = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 1; i < steps.size(); ++i) {
+      const auto& a = steps[i - 1].state;
+      const auto& b = steps[i].state;
+      for (int k = 0; k <= 10; ++k) {
+        const double t = 0.1 * k;
+        const double surface_m = raster::sample_bilinear(
+            map.surface_m, {a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m)});
+        least_m = std::min(least_m, a.altitude_m + t * (b.altitude_m - a.altitude_m) - surface_m);
+      }
+    }
+    return least_m;
+  }
+
+  command_model::Vehicle vehicle_ = test::shipped_vehicle();
+  command_model::CommandModel model_{vehicle_};
+  LocalOptions options_ = test::shipped_local_options();
+};
+
+std::vector<FlownStep> level_plan(double x_m, double y_m, double altitude_m) {
+  std::vector<FlownStep> steps(200);
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    steps[i].state = command_model::trimmed_state(
+        x_m + kStep_s * kSpeed_mps * static_cast<double>(i), y_m, altitude_m, kSpeed_mps, 0.0, 0.0);
+    steps[i].command = {kSpeed_mps, 0.0, 0.0};
+  }
+  return steps;
+}
+
+TEST_F(EscapeTest, OverLevelGroundItIsAtOnceHighEnough) {
+  const auto map = test::make_map(100, 100, 30.0, [](double, double) { return 100.0; });
+  const auto plan = level_plan(1400.0, 1500.0, 120.0);
+  const auto escape = escape_from(map.surface_m, model_, kOptions, plan, kStep_s);
+  ASSERT_TRUE(escape);
+  EXPECT_EQ(escape->turn_left_rad, 0.0);
+  EXPECT_FALSE(escape->is_along_plan);
+  EXPECT_EQ(escape->steps.size(), 1U);
+}
+
+TEST_F(EscapeTest, CliffAheadIsTurnedAwayFromToTheOpenSide) {
+  // 500 m of wall 300 m ahead and to the left: a straight climb of 8 m/s gains 60 m until there.
+  const auto map = test::make_map(200, 200, 30.0, [](double x_m, double y_m) {
+    return x_m > 3300.0 || y_m > 3200.0 ? 600.0 : 100.0;
+  });
+  const auto plan = level_plan(3000.0, 3000.0, 120.0);
+  const auto escape = escape_from(map.surface_m, model_, kOptions, plan, kStep_s);
+  ASSERT_TRUE(escape);
+  EXPECT_LT(escape->turn_left_rad, -0.5 * 3.14) << "to the right";
+  EXPECT_GE(least_height_m(map, escape->steps), kOptions.clearance_m);
+}
+
+TEST_F(EscapeTest, CanyonIsLeftOverThePlannedTrack) {
+  // 60 m wide: no room to turn; it bends, so that straight on is no way out either. Its walls are
+  // too high to be climbed in time. Only the planned bend is left, and it ends in the open.
+  const auto centre_m = [](double x_m) {
+    return 3000.0 + (x_m > 3200.0 ? 0.35 * (x_m - 3200.0) : 0.0);
+  };
+  const auto map = test::make_map(600, 600, 10.0, [&](double x_m, double y_m) {
+    return x_m < 4800.0 && std::fabs(y_m - centre_m(x_m)) > 45.0 ? 900.0 : 100.0;
+  });
+  std::vector<FlownStep> plan;
+  auto state = command_model::trimmed_state(2700.0, 3000.0, 125.0, kSpeed_mps, 0.0, 0.0);
+  double x_m = 0.0;
+  for (int i = 0; i < 1100 && x_m < 5500.0; ++i) {
+    FlownStep step;
+    step.state = state;
+    const double ahead_x_m = state.x_m + 100.0;
+    step.command = {kSpeed_mps, std::atan2(centre_m(ahead_x_m) - state.y_m, 100.0), 0.0};
+    plan.push_back(step);
+    state = model_.step(state, step.command, kStep_s);
+    x_m = state.x_m;
+  }
+  const auto escape = escape_from(map.surface_m, model_, kOptions, plan, kStep_s);
+  ASSERT_TRUE(escape);
+  EXPECT_TRUE(escape->is_along_plan);
+  EXPECT_GE(least_height_m(map, escape->steps), kOptions.clearance_m);
+}
+
+TEST_F(EscapeTest, ThereIsNoneOutOfAShaft) {
+  const auto map = test::make_map(200, 200, 30.0, [](double x_m, double y_m) {
+    return std::hypot(x_m - 3000.0, y_m - 3000.0) > 150.0 ? 900.0 : 100.0;
+  });
+  EXPECT_FALSE(
+      escape_from(map.surface_m, model_, kOptions, level_plan(2950.0, 3000.0, 120.0), kStep_s));
+}
+
+TEST_F(EscapeTest, EveryStateOfLowFlightsOverRoughHillsHasOneThatCanCircleAtItsEnd) {
+  std::mt19937_64 random(test::fresh_seed());
+  int cut = 0;
+  int along_plan = 0;
+  for (int flight = 0; flight < 4; ++flight) {
+    const map::Map map = test::make_rough_map(300, 300, 30.0, random(), 20.0);
+    const auto guide =
+        test::stand_in_guide(map, {{2000, 2000}, {3500, 2800}, {5000, 5000}, {7000, 6500}}, 50.0,
+                             20.0, 30.0, 0.14, 15.24);
+    const auto plan = low_flight(map, guide);
+    if (!plan || least_height_m(map, plan->steps) < kOptions.clearance_m) {
+      continue;
+    }
+    for (int repeat = 0; repeat < 250; ++repeat) {
+      const std::size_t at = random() % (plan->steps.size() - 2);
+      const auto escape =
+          escape_from(map.surface_m, model_, kOptions, std::span(plan->steps).subspan(at), kStep_s);
+      ++cut;
+      ASSERT_TRUE(escape) << "at step " << at;
+      ASSERT_GE(least_height_m(map, escape->steps), kOptions.clearance_m - 0.01);
+      for (std::size_t i = 0; i + 1 < escape->steps.size(); ++i) {
+        const auto next = model_.step(escape->steps[i].state, escape->steps[i].command, kStep_s);
+        ASSERT_EQ(next.altitude_m, escape->steps[i + 1].state.altitude_m);
+        ASSERT_EQ(next.x_m, escape->steps[i + 1].state.x_m);
+      }
+      along_plan += escape->is_along_plan ? 1 : 0;
+      if (escape->is_along_plan || repeat % 10 != 0) {
+        continue;
+      }
+      // Level circles to the left for 2 minutes from there.
+      std::vector<FlownStep> circle(1);
+      circle.front().state = escape->steps.back().state;
+      for (int i = 0; i < 2400; ++i) {
+        FlownStep step;
+        const auto& now = circle.back().state;
+        step.state = model_.step(now, {now.speed_mps, now.heading_math_rad + 1.5, 0.0}, kStep_s);
+        circle.push_back(step);
+      }
+      ASSERT_GE(least_height_m(map, circle), kOptions.clearance_m - 0.01);
+    }
+  }
+  EXPECT_GE(cut, 500);
+  EXPECT_LT(along_plan, cut);
+}
+
+}  // namespace
+}  // namespace hedgehop::local_planning
