@@ -17,8 +17,8 @@ namespace hedgehop::preparation {
 namespace {
 
 constexpr char kStage[] = "visibility";
-constexpr int kTileRows = 128;
-constexpr int kTileColumnsMax = 1024;
+constexpr int kTileRowsMax = 512;
+constexpr int kTileColumnsMax = 512;
 
 // A part of a raster with a margin of unknown cells, so that rays need no bounds checks.
 struct Padded {
@@ -105,7 +105,10 @@ struct Tile {
   int rows = 0;
 };
 
-// Memory of a tile. Rows have room for a group of lanes on each side.
+// Room on each side of a row of observers, since strips reach beyond.
+constexpr int kIdleLanes = 2 * kLanesMax;
+
+// Memory of a tile.
 struct TileSums {
   std::ptrdiff_t stride = 0;
   std::ptrdiff_t plane = 0;
@@ -115,86 +118,59 @@ struct TileSums {
   std::vector<std::int32_t> further;
 };
 
-struct LineRow {
-  int row = 0;  // in the tile
-  int shift = 0;
-  int skewed_begin = 0;  // columns with observers
-  int skewed_end = 0;
-};
+// Columns of the block that are wanted in a row of a tile.
+ColumnSpan span_of(const Tile& tile, int row) {
+  const ColumnSpan& span = tile.pass->spans[static_cast<std::size_t>(tile.row + row)];
+  return {std::max(span.begin, tile.column), std::min(span.end, tile.column + tile.columns)};
+}
 
 void add_line(const Tile& tile, const SightLine& line, int further_count, TileSums& sums,
-              GroupBuffers& buffers, GroupKernel kernel) {
+              LineBuffers& buffers, LineKernel kernel) {
   const Pass& pass = *tile.pass;
-  const int step_count = static_cast<int>(line.steps.size());
-  const int first_row = pass.row + tile.row;  // in the raster
-  const int buffer_rows = tile.rows + 2 * step_count;
+  const int reach = line.steps.count;
+  const int first_row = pass.row + tile.row - reach;  // of the buffer, in the raster
+  const int buffer_rows = (tile.rows + 2 * reach + kBlockRows - 1) / kBlockRows * kBlockRows;
   std::vector<std::int32_t> left(static_cast<std::size_t>(buffer_rows));
   std::vector<float> fraction(static_cast<std::size_t>(buffer_rows));
-  std::vector<LineRow> rows;
-  std::vector<ObserverRow> observers;
-  for (int phase = 0; phase < 2; ++phase) {
+  std::vector<ObserverRow> rows;
+  LineTask task;
+  task.ground_m = pass.ground_m.at(0, first_row);
+  task.ground_weight = pass.weight.values.empty() ? nullptr : pass.weight.at(0, first_row);
+  task.ground_weight_max = pass.weight.values.empty() ? 1.0F : kGroundWeightMax;
+  task.stride = pass.ground_m.stride;
+  task.left = left.data();
+  task.fraction = fraction.data();
+  task.buffer_rows = buffer_rows;
+  task.steps = &line.steps;
+  task.further_count = further_count;
+  task.rows = &rows;
+  task.eyes_m = sums.eyes_m.data();
+  task.seen = sums.seen.data();
+  task.known = sums.known.data();
+  task.further = sums.further.data();
+  task.further_plane = sums.plane;
+  for (int phase = 0; phase < kPhases; ++phase) {
     rows.clear();
-    int skewed_begin = std::numeric_limits<int>::max();
-    int skewed_end = std::numeric_limits<int>::min();
     for (int row = 0; row < tile.rows; ++row) {
-      const Foot foot = foot_on_line(line.slope, pass.absolute_row + first_row + row);
-      if (foot.phase != phase) {
+      const Foot foot = foot_on_line(line.slope, pass.absolute_row + pass.row + tile.row + row);
+      const ColumnSpan span = span_of(tile, row);
+      if (foot.phase != phase || span.begin >= span.end) {
         continue;
       }
-      const ColumnSpan& span = pass.spans[static_cast<std::size_t>(tile.row + row)];
-      const int begin = std::max(span.begin, tile.column);
-      const int end = std::min(span.end, tile.column + tile.columns);
-      if (begin >= end) {
-        continue;
-      }
-      rows.push_back(
-          {row, foot.shift, pass.column + begin + foot.shift, pass.column + end + foot.shift});
-      skewed_begin = std::min(skewed_begin, rows.back().skewed_begin);
-      skewed_end = std::max(skewed_end, rows.back().skewed_end);
+      const int skew = pass.column + foot.shift;
+      rows.push_back({row + reach, skew + span.begin, skew + span.end,
+                      row * sums.stride - skew - tile.column + kIdleLanes});
     }
     if (rows.empty()) {
       continue;
     }
     for (int b = 0; b < buffer_rows; ++b) {
       const Crossing crossing =
-          crossing_of_line(line.slope, phase, pass.absolute_row + first_row - step_count + b);
+          crossing_of_line(line.slope, phase, pass.absolute_row + first_row + b);
       left[static_cast<std::size_t>(b)] = crossing.left;
       fraction[static_cast<std::size_t>(b)] = crossing.fraction;
     }
-    GroupTask task;
-    task.ground_m = pass.ground_m.at(0, first_row - step_count);
-    task.stride = pass.ground_m.stride;
-    task.ground_weight =
-        pass.weight.values.empty() ? nullptr : pass.weight.at(0, first_row - step_count);
-    task.left = left.data();
-    task.fraction = fraction.data();
-    task.steps = line.steps.data();
-    task.step_count = step_count;
-    task.known_prefix = line.known_prefix.data();
-    task.further_slopes = line.further_slopes.data();
-    task.further_count = further_count;
-    task.further_plane = sums.plane;
-    task.observers = &observers;
-    for (int group = skewed_begin; group < skewed_end; group += kGroupLanes) {
-      observers.clear();
-      for (const LineRow& row : rows) {
-        if (row.skewed_end <= group || row.skewed_begin >= group + kGroupLanes) {
-          continue;
-        }
-        const std::ptrdiff_t at =
-            row.row * sums.stride + (group - row.shift - pass.column - tile.column) + kGroupLanes;
-        observers.push_back({row.row + step_count, sums.eyes_m.data() + at, sums.seen.data() + at,
-                             sums.known.data() + at,
-                             further_count == 0 ? nullptr : sums.further.data() + at});
-      }
-      if (observers.empty()) {
-        continue;
-      }
-      task.first_column = group;
-      task.buffer_begin = observers.front().buffer_row - step_count;
-      task.buffer_end = observers.back().buffer_row + step_count + 1;
-      add_group(task, buffers, kernel);
-    }
+    add_lines(task, buffers, kernel);
   }
 }
 
@@ -203,49 +179,60 @@ struct Work {
   float reference_height_m = 0.0F;
   int further_count = 0;
   bool only_further = false;  // lines without further heights have been done
-  GroupKernel kernel = nullptr;
+  LineKernel kernel = nullptr;
 };
 
 void run_tile(const Tile& tile, const Work& work, Observer& observer) {
   Pass& pass = *tile.pass;
   TileSums sums;
-  sums.stride = tile.columns + 2 * kGroupLanes;
+  sums.stride = tile.columns + 2 * kIdleLanes;
   sums.plane = sums.stride * tile.rows;
   const auto plane = static_cast<std::size_t>(sums.plane);
   const std::size_t further_planes = work.further_count == 0 ? 0 : work.further_count + 2;
-  sums.eyes_m.assign(plane, 0.0F);
+  sums.eyes_m.assign(plane, kBlindEye_m);
   sums.seen.assign(plane, 0);
   sums.known.assign(plane, 0);
   sums.further.assign(further_planes * plane, 0);
   const raster::Grid<float>& surface_m = work.ground->surface_m;
   for (int row = 0; row < tile.rows; ++row) {
-    float* eyes_m = sums.eyes_m.data() + row * sums.stride + kGroupLanes;
-    for (int column = 0; column < tile.columns; ++column) {
-      const int c = pass.column + tile.column + column;
+    float* eyes_m = sums.eyes_m.data() + row * sums.stride + kIdleLanes - tile.column;
+    const ColumnSpan span = span_of(tile, row);
+    for (int column = span.begin; column < span.end; ++column) {
+      const int c = pass.column + column;
       const int r = pass.row + tile.row + row;
-      const float ground_m = pass.is_transposed ? surface_m.at(r, c) : surface_m.at(c, r);
-      eyes_m[column] = std::isnan(ground_m) ? 0.0F : ground_m + work.reference_height_m;
+      const float z = pass.is_transposed ? surface_m.at(r, c) : surface_m.at(c, r);
+      eyes_m[column] = std::isnan(z) ? kBlindEye_m : padded_height_m(z) + work.reference_height_m;
     }
   }
-  GroupBuffers buffers;
+  LineBuffers buffers;
+  // Sums of known ground are less what follows.
+  std::uint32_t known = 0;
+  std::uint32_t further_known = 0;
   for (const SightLine& line : pass.lines) {
     if (work.only_further && !line.has_further) {
       continue;
     }
     observer.check_stop();
     add_line(tile, line, line.has_further ? work.further_count : 0, sums, buffers, work.kernel);
+    known += 2 * line.ray_weight;
+    further_known += line.has_further ? 2 * line.ray_weight : 0;
   }
+  const auto copy = [&](const std::int32_t* from, std::uint32_t more, std::int32_t* to) {
+    std::transform(from, from + tile.columns, to, [more](std::int32_t value) {
+      return static_cast<std::int32_t>(static_cast<std::uint32_t>(value) + more);
+    });
+  };
   for (int row = 0; row < tile.rows; ++row) {
-    const std::ptrdiff_t from = row * sums.stride + kGroupLanes;
+    const std::ptrdiff_t from = row * sums.stride + kIdleLanes;
     const std::ptrdiff_t to =
         static_cast<std::ptrdiff_t>(tile.row + row) * pass.columns + tile.column;
     if (!work.only_further) {
-      std::copy_n(sums.seen.data() + from, tile.columns, pass.seen.data() + to);
-      std::copy_n(sums.known.data() + from, tile.columns, pass.known.data() + to);
+      copy(sums.seen.data() + from, 0, pass.seen.data() + to);
+      copy(sums.known.data() + from, known, pass.known.data() + to);
     }
     for (std::size_t p = 0; p < further_planes; ++p) {
-      std::copy_n(sums.further.data() + p * plane + from, tile.columns,
-                  pass.further.data() + p * pass.cell_count() + to);
+      copy(sums.further.data() + p * plane + from, p + 1 == further_planes ? further_known : 0,
+           pass.further.data() + p * pass.cell_count() + to);
     }
   }
 }
@@ -253,7 +240,7 @@ void run_tile(const Tile& tile, const Work& work, Observer& observer) {
 std::vector<Tile> tiles_of(Pass& pass) {
   std::vector<Tile> tiles;
   const int across = (pass.columns + kTileColumnsMax - 1) / kTileColumnsMax;
-  const int along = (pass.rows + kTileRows - 1) / kTileRows;
+  const int along = (pass.rows + kTileRowsMax - 1) / kTileRowsMax;
   for (int i = 0; i < along; ++i) {
     for (int k = 0; k < across; ++k) {
       Tile tile{&pass, 0, 0, 0, 0};
@@ -299,12 +286,11 @@ Pass pass_over(const VisibilityGround& ground, raster::CellIndex block, int colu
   }
   pass.spans = is_transposed ? transposed(of_rows, columns) : std::move(of_rows);
   // The lines of a tile run on beyond their own observers' reach, and groups have idle lanes.
-  const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m)) + 2;
-  const int beside = reach + kTileRows + kGroupLanes;
+  const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m)) + kBlockRows;
+  const int beside = reach + kTileRowsMax + kIdleLanes;
   const Window window{pass.column - beside, pass.row - reach, pass.columns + 2 * beside,
                       pass.rows + 2 * reach};
-  pass.ground_m = padded(ground.opaque_m, window, is_transposed, kFarBelow_m,
-                         [](float z) { return std::isnan(z) ? kFarBelow_m : z; });
+  pass.ground_m = padded(ground.opaque_m, window, is_transposed, kFarBelow_m, padded_height_m);
   if (ground.weight != nullptr) {
     pass.weight = padded(*ground.weight, window, is_transposed, 0.0F, [](std::uint8_t weight) {
       return static_cast<float>(std::min(weight, kGroundWeightMax));
@@ -336,7 +322,7 @@ VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::Cel
   const raster::GridGeometry& g = ground.surface_m.geometry();
   validate(options, g.cell_m);
   validate(ground, block, columns, rows);
-  const GroupKernel kernel = group_kernel(execution.simd);
+  const LineKernel kernel = line_kernel(execution.simd);
   if (spans != nullptr && spans->size() != static_cast<std::size_t>(rows)) {
     throw std::invalid_argument("visibility: one span of columns is needed for each row");
   }

@@ -63,11 +63,14 @@ struct VisibilityLayers {
 /// is interpolated linearly between the two neighbouring cells:
 ///
 ///     s_k = (z_k - e_0 - h_ref) / d_k - (1 - refraction) d_k / (2 R)
-///     seen if  s_k >= max(s_1 .. s_k-1)
+///     seen if  s_k + b_k / d_k >= max(s_1 .. s_k-1)
 ///     share = sum of w_k over seen samples / sum of w_k over known samples
 ///
 /// e_0  what h_ref is measured from: everything that must be flown over             [m]
 /// z_k  what hides and is seen: the same without power lines, which hide nothing    [m]
+/// b_k  by how much the nearer of the two cells is higher, if it is the edge of a forest or a house
+///      or a ridge, 0 otherwise: those who look stand in cells and not on the slope between a tree
+///      top and the ground beside                                                   [m]
 /// w_k  area of the ring segment that sample k stands for, so that far ground counts for as much as
 ///      it covers, times the weight of the ground; segments end at radius_m.
 /// R    radius of the earth; without the last term if it is taken as flat           [m]

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "preparation/visibility_kernel.cpp"
+#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
@@ -12,12 +14,16 @@ HWY_BEFORE_NAMESPACE();
 namespace hedgehop::preparation::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
-using FloatTag = hn::CappedTag<float, 16>;
+using FloatTag = hn::CappedTag<float, kLanesMax>;
 using IntTag = hn::RebindToSigned<FloatTag>;
 using Floats = hn::Vec<FloatTag>;
+constexpr int kLanes = static_cast<int>(hn::MaxLanes(FloatTag()));
 
-// Rows of the buffer whose greatest height is kept, to pass over what nobody can see.
-constexpr int kBlockRows = 8;
+// At least so many rows on each side are near; a multiple of kBlockRows.
+constexpr int kNearRows = 16;
+static_assert(kNearRows % kBlockRows == 0);
+// From here on two blocks are asked about at once.
+constexpr int kAskedTwiceUntil = 48;
 
 // sum + (condition ? value : 0), in one operation where the processor can.
 HWY_INLINE Floats add_if(hn::Mask<FloatTag> condition, Floats sum, Floats value) {
@@ -33,294 +39,609 @@ HWY_INLINE void add_to(std::int32_t* target, Floats sum) {
   hn::StoreU(hn::Add(hn::LoadU(tag, target), hn::ConvertTo(tag, sum)), tag, target);
 }
 
-// How samples are known to be known.
-enum class Known { kAll, kInterval, kCount };
-
-// One ray of kVectors neighbouring vectors of observers. `ground_m`, `highest_m` and `weight` are
-// those of the first lane. Blocks whose highest point lies below the line of sight of every lane
-// are passed over, which changes no bit: every operation on heights is monotone, rounding included.
-template <int kVectors, int kFurther, bool kCountKnown, bool kWeighted>
-HWY_NOINLINE void add_ray(const GroupTask& task, const ObserverRow& observer, int lane,
-                          int direction, int step_count, const float* HWY_RESTRICT ground_m,
-                          const float* HWY_RESTRICT highest_m, const float* HWY_RESTRICT weight) {
-  const FloatTag tag;
-  const int lanes = static_cast<int>(hn::Lanes(tag));
-  Floats eye[kVectors];
-  Floats greatest[kVectors];
-  Floats seen[kVectors];
-  Floats known[kVectors];
-  Floats further_greatest[kFurther + 1][kVectors];
-  Floats further_seen[kFurther + 1][kVectors];
-#pragma GCC unroll 2
-  for (int v = 0; v < kVectors; ++v) {
-    eye[v] = hn::LoadU(tag, observer.eyes_m + lane + v * lanes);
-    greatest[v] = hn::Set(tag, kLowestSlope);
-    seen[v] = hn::Zero(tag);
-    known[v] = hn::Zero(tag);
-#pragma GCC unroll 4
-    for (int i = 0; i < kFurther; ++i) {
-      further_greatest[i][v] = hn::Set(tag, kLowestSlope);
-      further_seen[i][v] = hn::Zero(tag);
-    }
-  }
-  const RayStep* HWY_RESTRICT steps = task.steps;
-  const float* HWY_RESTRICT further_slopes = task.further_slopes;
-  int row = observer.buffer_row + direction;
-  for (int k = 0; k < step_count;) {
-    const int rows_left = direction > 0 ? kBlockRows - row % kBlockRows : row % kBlockRows + 1;
-    const int end = std::min(k + rows_left, step_count);
-    if constexpr (!kCountKnown) {
-      const float* highest = highest_m + (row / kBlockRows) * kGroupLanes;
-      const Floats near = hn::Set(tag, steps[k].inverse_distance_1pm);
-      const Floats far = hn::Set(tag, steps[end - 1].inverse_distance_1pm);
-      const Floats drop = hn::Set(tag, steps[k].drop_slope);
-      auto may_be_seen = hn::FirstN(tag, 0);
-#pragma GCC unroll 2
-      for (int v = 0; v < kVectors; ++v) {
-        const Floats above = hn::Sub(hn::Load(tag, highest + v * lanes), eye[v]);
-        const Floats bound = hn::Max(hn::MulSub(above, near, drop), hn::MulSub(above, far, drop));
-        may_be_seen = hn::Or(may_be_seen, hn::Ge(bound, greatest[v]));
-#pragma GCC unroll 4
-        for (int i = 0; i < kFurther; ++i) {
-          const float least =
-              std::min(further_slopes[k * kFurther + i], further_slopes[(end - 1) * kFurther + i]);
-          may_be_seen = hn::Or(may_be_seen,
-                               hn::Ge(hn::Sub(bound, hn::Set(tag, least)), further_greatest[i][v]));
-        }
-      }
-      if (hn::AllFalse(tag, may_be_seen)) {
-        row += direction * (end - k);
-        k = end;
-        continue;
-      }
-    }
-    for (; k < end; ++k, row += direction) {
-      const Floats inverse_distance = hn::Set(tag, steps[k].inverse_distance_1pm);
-      const Floats drop = hn::Set(tag, steps[k].drop_slope);
-      const Floats step_weight = hn::Set(tag, steps[k].weight);
-      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(row) * kGroupLanes;
-#pragma GCC unroll 2
-      for (int v = 0; v < kVectors; ++v) {
-        const Floats z = hn::Load(tag, ground_m + at + v * lanes);
-        Floats counts = step_weight;
-        if constexpr (kWeighted) {
-          counts = hn::Mul(step_weight, hn::Load(tag, weight + at + v * lanes));
-        }
-        const Floats slope = hn::MulSub(hn::Sub(z, eye[v]), inverse_distance, drop);
-        seen[v] = add_if(hn::Ge(slope, greatest[v]), seen[v], counts);
-        greatest[v] = hn::Max(greatest[v], slope);
-#pragma GCC unroll 4
-        for (int i = 0; i < kFurther; ++i) {
-          const Floats lower = hn::Sub(slope, hn::Set(tag, further_slopes[k * kFurther + i]));
-          further_seen[i][v] =
-              add_if(hn::Ge(lower, further_greatest[i][v]), further_seen[i][v], counts);
-          further_greatest[i][v] = hn::Max(further_greatest[i][v], lower);
-        }
-        if constexpr (kCountKnown) {
-          known[v] = add_if(hn::Gt(z, hn::Set(tag, kUnknownBelow_m)), known[v], counts);
-        }
-      }
-    }
-  }
-#pragma GCC unroll 2
-  for (int v = 0; v < kVectors; ++v) {
-    const std::ptrdiff_t at = lane + v * lanes;
-    add_to(observer.seen + at, seen[v]);
-    if constexpr (kCountKnown) {
-      add_to(observer.known + at, known[v]);
-    }
-    if constexpr (kFurther > 0) {
-      add_to(observer.further + at, seen[v]);
-#pragma GCC unroll 4
-      for (int i = 0; i < kFurther; ++i) {
-        add_to(observer.further + (i + 1) * task.further_plane + at, further_seen[i][v]);
-      }
-      if constexpr (kCountKnown) {
-        add_to(observer.further + (kFurther + 1) * task.further_plane + at, known[v]);
-      }
-    }
-  }
-}
-
-struct GroupLimits {
-  Known known = Known::kAll;
-  HWY_ALIGN std::int32_t first[kGroupLanes];  // known buffer rows of each lane, for kInterval
-  HWY_ALIGN std::int32_t last[kGroupLanes];
+// Arrays of a strip: kLanes values for each row, each block or each row of observers.
+struct Strip {
+  float* hiding_m = nullptr;           // by row: height of the ground
+  float* edge_m = nullptr;             // by row: what is looked at is so much higher
+  float* weight = nullptr;             // by row; null: all known ground counts alike
+  float* highest_m = nullptr;          // by block, of what is looked at and what hides
+  std::int32_t* block_kind = nullptr;  // by block
 };
 
-// Interpolates the buffer.
-void build(const GroupTask& task, float* HWY_RESTRICT ground_m, float* HWY_RESTRICT highest_m,
-           float* HWY_RESTRICT weight, GroupLimits& limits) {
+// Arrays for the observers of a strip: kLanes values for each row of them.
+struct StripObservers {
+  int count = 0;
+  float* eyes_m = nullptr;
+  float* greatest = nullptr;
+  float* seen = nullptr;
+  float* unknown = nullptr;
+  float* further_greatest = nullptr;  // planes of further_plane
+  float* further_seen = nullptr;
+  std::ptrdiff_t down = 0;           // from `greatest` of upward rays to that of downward rays
+  std::ptrdiff_t further_plane = 0;  // there the planes of all heights lie between
+  bool is_some_unknown = false;
+
+  std::int32_t* buffer_row = nullptr;  // rising
+  std::int32_t* behind = nullptr;      // buffer_row counted along the rays, from any row
+  std::int32_t* from = nullptr;        // row in the task
+  std::int32_t* listed = nullptr;      // those that look at a block
+};
+
+// Bits of a block's kind.
+constexpr std::int32_t kHasEdges = 1;
+constexpr std::int32_t kHasUnknown = 2;
+constexpr std::int32_t kHasKnown = 4;
+
+// A block in the order in which rays in one direction cross it.
+struct Block {
+  const float* hiding_m = nullptr;
+  const float* edge_m = nullptr;
+  const float* weight = nullptr;
+  std::ptrdiff_t stride = 0;  // to the next row
+  int first_step = 0;         // index in RaySteps of the first row is this less Observers::behind
+};
+
+// Lists observers of [begin, end) that may see something of the next `rows` rows, which are at most
+// `highest`. Leaving others out changes no bit: operations on heights are monotone, rounding
+// included, but for edges, where a margin does.
+template <int kFurther>
+HWY_NOINLINE int list_observers(const RaySteps& steps, const StripObservers& observers,
+                                Floats highest, int first_step, int rows, int begin, int end,
+                                std::int32_t* HWY_RESTRICT listed) {
   const FloatTag tag;
-  const int lanes = static_cast<int>(hn::Lanes(tag));
-  const int block_begin = task.buffer_begin / kBlockRows;
-  const int block_end = (task.buffer_end + kBlockRows - 1) / kBlockRows;
-  Floats lowest = hn::Zero(tag);
-  for (int block = block_begin; block < block_end; ++block) {
-    const int row_begin = std::max(block * kBlockRows, task.buffer_begin);
-    const int row_end = std::min((block + 1) * kBlockRows, task.buffer_end);
-    for (int lane = 0; lane < kGroupLanes; lane += lanes) {
-      Floats highest = hn::Set(tag, kFarBelow_m);
-      for (int row = row_begin; row < row_end; ++row) {
-        const float* left =
-            task.ground_m + row * task.stride + task.left[row] + task.first_column + lane;
-        const Floats a = hn::LoadU(tag, left);
-        const Floats b = hn::LoadU(tag, left + 1);
-        const Floats z = hn::MulAdd(hn::Set(tag, task.fraction[row]), hn::Sub(b, a), a);
-        hn::Store(z, tag, ground_m + static_cast<std::ptrdiff_t>(row) * kGroupLanes + lane);
-        highest = hn::Max(highest, z);
-        lowest = hn::Min(lowest, z);
+  const float* HWY_RESTRICT inverse_distance = steps.inverse_distance_1pm.data();
+  const float* HWY_RESTRICT drop_slope = steps.drop_slope.data();
+  const float* HWY_RESTRICT further_slopes = steps.further_slopes.data();
+  const float* HWY_RESTRICT eyes_m = observers.eyes_m;
+  const float* HWY_RESTRICT greatest = observers.greatest;
+  const float* HWY_RESTRICT further_greatest = observers.further_greatest;
+  const std::int32_t* HWY_RESTRICT behind = observers.behind;
+  const std::ptrdiff_t further_plane = observers.further_plane;
+  std::ptrdiff_t count = 0;
+  for (std::ptrdiff_t o = begin; o < end; ++o) {
+    const std::ptrdiff_t k = first_step - behind[o];
+    const Floats above = hn::Sub(highest, hn::Load(tag, eyes_m + o * kLanes));
+    const Floats drop = hn::Set(tag, drop_slope[k]);
+    const Floats bound =
+        hn::Max(hn::MulSub(above, hn::Set(tag, inverse_distance[k]), drop),
+                hn::MulSub(above, hn::Set(tag, inverse_distance[k + rows - 1]), drop));
+    auto may_be_seen = hn::Ge(bound, hn::Load(tag, greatest + o * kLanes));
+#pragma GCC unroll 4
+    for (int h = 0; h < kFurther; ++h) {
+      const float least =
+          std::min(further_slopes[k * kFurther + h], further_slopes[(k + rows - 1) * kFurther + h]);
+      may_be_seen = hn::Or(
+          may_be_seen, hn::Ge(hn::Sub(bound, hn::Set(tag, least)),
+                              hn::Load(tag, further_greatest + h * further_plane + o * kLanes)));
+    }
+    listed[count] = static_cast<std::int32_t>(o);
+    count += hn::AllFalse(tag, may_be_seen) ? 0 : 1;
+  }
+  return static_cast<int>(count);
+}
+
+// The listed observers look at the block.
+template <bool kEdges, bool kWeighted>
+HWY_NOINLINE void look(const RaySteps& steps, const StripObservers& observers, const Block& block,
+                       int count) {
+  const FloatTag tag;
+  const std::ptrdiff_t stride = block.stride;
+  Floats hiding[kBlockRows];
+#pragma GCC unroll 8
+  for (int i = 0; i < kBlockRows; ++i) {
+    hiding[i] = hn::Load(tag, block.hiding_m + i * stride);
+  }
+  const float* HWY_RESTRICT inverse_distance = steps.inverse_distance_1pm.data();
+  const float* HWY_RESTRICT drop_slope = steps.drop_slope.data();
+  const float* HWY_RESTRICT weight = steps.weight.data();
+  const float* HWY_RESTRICT edge_m = block.edge_m;
+  const float* HWY_RESTRICT ground_weight = block.weight;
+  const float* HWY_RESTRICT eyes_m = observers.eyes_m;
+  float* HWY_RESTRICT all_greatest = observers.greatest;
+  float* HWY_RESTRICT all_seen = observers.seen;
+  const std::int32_t* HWY_RESTRICT behind = observers.behind;
+  const int first_step = block.first_step;
+  for (std::ptrdiff_t n = 0; n < count; ++n) {
+    const std::ptrdiff_t o = observers.listed[n];
+    const std::ptrdiff_t k = first_step - behind[o];
+    const Floats eye = hn::Load(tag, eyes_m + o * kLanes);
+    Floats greatest = hn::Load(tag, all_greatest + o * kLanes);
+    Floats seen = hn::Load(tag, all_seen + o * kLanes);
+#pragma GCC unroll 8
+    for (int i = 0; i < kBlockRows; ++i) {
+      const Floats inverse = hn::Set(tag, inverse_distance[k + i]);
+      const Floats slope =
+          hn::MulSub(hn::Sub(hiding[i], eye), inverse, hn::Set(tag, drop_slope[k + i]));
+      Floats looked_at = slope;
+      if constexpr (kEdges) {
+        looked_at = hn::MulAdd(hn::Load(tag, edge_m + i * stride), inverse, slope);
       }
-      hn::Store(highest, tag, highest_m + static_cast<std::ptrdiff_t>(block) * kGroupLanes + lane);
+      Floats counts = hn::Set(tag, weight[k + i]);
+      if constexpr (kWeighted) {
+        counts = hn::Mul(counts, hn::Load(tag, ground_weight + i * stride));
+      }
+      seen = add_if(hn::Ge(looked_at, greatest), seen, counts);
+      greatest = hn::Max(greatest, slope);
+    }
+    hn::Store(greatest, tag, all_greatest + o * kLanes);
+    hn::Store(seen, tag, all_seen + o * kLanes);
+  }
+}
+
+// The same from further heights too.
+template <int kFurther, bool kEdges, bool kWeighted>
+HWY_NOINLINE void look_from_all(const RaySteps& steps, const StripObservers& observers,
+                                const Block& block, int count) {
+  const FloatTag tag;
+  const float* HWY_RESTRICT inverse_distance = steps.inverse_distance_1pm.data();
+  const float* HWY_RESTRICT drop_slope = steps.drop_slope.data();
+  const float* HWY_RESTRICT weight = steps.weight.data();
+  const float* HWY_RESTRICT further_slopes = steps.further_slopes.data();
+  for (std::ptrdiff_t n = 0; n < count; ++n) {
+    const std::ptrdiff_t o = observers.listed[n];
+    const std::ptrdiff_t k = block.first_step - observers.behind[o];
+    const std::ptrdiff_t at = o * kLanes;
+    const Floats eye = hn::Load(tag, observers.eyes_m + at);
+    Floats slope[kBlockRows];
+    Floats looked_at[kBlockRows];
+    Floats counts[kBlockRows];
+#pragma GCC unroll 8
+    for (int i = 0; i < kBlockRows; ++i) {
+      const Floats inverse = hn::Set(tag, inverse_distance[k + i]);
+      slope[i] = hn::MulSub(hn::Sub(hn::Load(tag, block.hiding_m + i * block.stride), eye), inverse,
+                            hn::Set(tag, drop_slope[k + i]));
+      looked_at[i] =
+          kEdges ? hn::MulAdd(hn::Load(tag, block.edge_m + i * block.stride), inverse, slope[i])
+                 : slope[i];
+      counts[i] = hn::Set(tag, weight[k + i]);
+      if constexpr (kWeighted) {
+        counts[i] = hn::Mul(counts[i], hn::Load(tag, block.weight + i * block.stride));
+      }
+    }
+    Floats greatest = hn::Load(tag, observers.greatest + at);
+    Floats seen = hn::Load(tag, observers.seen + at);
+#pragma GCC unroll 8
+    for (int i = 0; i < kBlockRows; ++i) {
+      seen = add_if(hn::Ge(looked_at[i], greatest), seen, counts[i]);
+      greatest = hn::Max(greatest, slope[i]);
+    }
+    hn::Store(greatest, tag, observers.greatest + at);
+    hn::Store(seen, tag, observers.seen + at);
+#pragma GCC unroll 4
+    for (int h = 0; h < kFurther; ++h) {
+      const std::ptrdiff_t there = h * observers.further_plane + at;
+      greatest = hn::Load(tag, observers.further_greatest + there);
+      seen = hn::Load(tag, observers.further_seen + there);
+#pragma GCC unroll 8
+      for (int i = 0; i < kBlockRows; ++i) {
+        const Floats lower = hn::Set(tag, further_slopes[(k + i) * kFurther + h]);
+        seen = add_if(hn::Ge(hn::Sub(looked_at[i], lower), greatest), seen, counts[i]);
+        greatest = hn::Max(greatest, hn::Sub(slope[i], lower));
+      }
+      hn::Store(greatest, tag, observers.further_greatest + there);
+      hn::Store(seen, tag, observers.further_seen + there);
     }
   }
-  if (weight != nullptr) {
-    for (int row = task.buffer_begin; row < task.buffer_end; ++row) {
-      const float* nearest = task.ground_weight + row * task.stride + task.left[row] +
-                             task.first_column + (task.fraction[row] < 0.5F ? 0 : 1);
-      for (int lane = 0; lane < kGroupLanes; lane += lanes) {
-        hn::Store(hn::LoadU(tag, nearest + lane), tag,
-                  weight + static_cast<std::ptrdiff_t>(row) * kGroupLanes + lane);
-      }
+}
+
+// Both rays of a row of observers over the near ground, which some lane nearly always sees: `up`
+// and `down` rows of it.
+template <int kFurther, bool kEdges, bool kWeighted>
+HWY_NOINLINE void look_near(const RaySteps& steps, const Strip& strip,
+                            const StripObservers& observers, std::ptrdiff_t o, int up, int down) {
+  const FloatTag tag;
+  const float* HWY_RESTRICT inverse_distance = steps.inverse_distance_1pm.data() + kBlockRows;
+  const float* HWY_RESTRICT drop_slope = steps.drop_slope.data() + kBlockRows;
+  const float* HWY_RESTRICT step_weight = steps.weight.data() + kBlockRows;
+  const float* HWY_RESTRICT further_slopes = steps.further_slopes.data() + kBlockRows * kFurther;
+  const std::ptrdiff_t here = static_cast<std::ptrdiff_t>(observers.buffer_row[o]) * kLanes;
+  const float* HWY_RESTRICT hiding_m = strip.hiding_m + here;
+  const float* HWY_RESTRICT edge_m = strip.edge_m + here;
+  const float* HWY_RESTRICT ground_weight = kWeighted ? strip.weight + here : nullptr;
+  const Floats eye = hn::Load(tag, observers.eyes_m + o * kLanes);
+  Floats greatest[2] = {hn::Set(tag, kLowestSlope), hn::Set(tag, kLowestSlope)};
+  Floats seen[2] = {hn::Zero(tag), hn::Zero(tag)};
+  Floats further_greatest[kFurther + 1][2];
+  Floats further_seen[kFurther + 1];
+#pragma GCC unroll 4
+  for (int h = 0; h < kFurther; ++h) {
+    further_greatest[h][0] = hn::Set(tag, kLowestSlope);
+    further_greatest[h][1] = hn::Set(tag, kLowestSlope);
+    further_seen[h] = hn::Zero(tag);
+  }
+  const auto step = [&](int i, int side, std::ptrdiff_t at) HWY_ATTR {
+    const Floats inverse = hn::Set(tag, inverse_distance[i]);
+    const Floats slope = hn::MulSub(hn::Sub(hn::Load(tag, hiding_m + at), eye), inverse,
+                                    hn::Set(tag, drop_slope[i]));
+    Floats looked_at = slope;
+    if constexpr (kEdges) {
+      looked_at = hn::MulAdd(hn::Load(tag, edge_m + at), inverse, slope);
+    }
+    Floats counts = hn::Set(tag, step_weight[i]);
+    if constexpr (kWeighted) {
+      counts = hn::Mul(counts, hn::Load(tag, ground_weight + at));
+    }
+    seen[side] = add_if(hn::Ge(looked_at, greatest[side]), seen[side], counts);
+    greatest[side] = hn::Max(greatest[side], slope);
+#pragma GCC unroll 4
+    for (int h = 0; h < kFurther; ++h) {
+      const Floats lower = hn::Set(tag, further_slopes[i * kFurther + h]);
+      further_seen[h] = add_if(hn::Ge(hn::Sub(looked_at, lower), further_greatest[h][side]),
+                               further_seen[h], counts);
+      further_greatest[h][side] = hn::Max(further_greatest[h][side], hn::Sub(slope, lower));
+    }
+  };
+  int i = 0;
+  for (; i < std::min(up, down); ++i) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(i + 1) * kLanes;
+    step(i, 0, at);
+    step(i, 1, -at);
+  }
+  for (; i < up; ++i) {
+    step(i, 0, static_cast<std::ptrdiff_t>(i + 1) * kLanes);
+  }
+  for (; i < down; ++i) {
+    step(i, 1, -static_cast<std::ptrdiff_t>(i + 1) * kLanes);
+  }
+  hn::Store(greatest[0], tag, observers.greatest + o * kLanes);
+  hn::Store(greatest[1], tag, observers.greatest + observers.down + o * kLanes);
+  hn::Store(hn::Add(seen[0], seen[1]), tag, observers.seen + o * kLanes);
+#pragma GCC unroll 4
+  for (int h = 0; h < kFurther; ++h) {
+    const std::ptrdiff_t at = h * observers.further_plane + o * kLanes;
+    hn::Store(further_greatest[h][0], tag, observers.further_greatest + at);
+    hn::Store(further_greatest[h][1], tag,
+              observers.further_greatest + kFurther * observers.further_plane + at);
+    hn::Store(further_seen[h], tag, observers.further_seen + at);
+  }
+}
+
+// All near rays of a strip. They end with a block.
+template <int kFurther>
+void look_near_all(const RaySteps& steps, const Strip& strip, const StripObservers& observers) {
+  for (std::ptrdiff_t o = 0; o < observers.count; ++o) {
+    const int row = observers.buffer_row[o];
+    const int up = std::min(kNearRows + kBlockRows - 1 - row % kBlockRows, steps.count);
+    const int down = std::min(kNearRows + row % kBlockRows, steps.count);
+    std::int32_t kinds = 0;
+    for (int b = (row - down) / kBlockRows; b <= (row + up) / kBlockRows; ++b) {
+      kinds |= strip.block_kind[b];
+    }
+    if (strip.weight != nullptr) {
+      look_near<kFurther, true, true>(steps, strip, observers, o, up, down);
+    } else if ((kinds & kHasEdges) != 0) {
+      look_near<kFurther, true, false>(steps, strip, observers, o, up, down);
+    } else {
+      look_near<kFurther, false, false>(steps, strip, observers, o, up, down);
     }
   }
-  limits.known = Known::kAll;
-  if (weight != nullptr) {
-    limits.known = Known::kCount;
-    return;
+}
+
+// Adds up the weight of unknown ground of the block for observers of [begin, end).
+HWY_NOINLINE void add_unknown(const LineTask& task, StripObservers& observers, const Block& block,
+                              std::int32_t kind, int begin, int end) {
+  const FloatTag tag;
+  const RaySteps& steps = *task.steps;
+  observers.is_some_unknown = true;
+  for (std::ptrdiff_t o = begin; o < end; ++o) {
+    const std::ptrdiff_t k = block.first_step - observers.behind[o];
+    float* unknown = observers.unknown + o * kLanes;
+    Floats sum = hn::Load(tag, unknown);
+    if ((kind & kHasKnown) == 0) {
+      const float weight = steps.weight_before[k + kBlockRows] - steps.weight_before[k];
+      sum = hn::Add(sum, hn::Set(tag, weight * task.ground_weight_max));
+    } else if (block.weight != nullptr) {
+      for (int i = 0; i < kBlockRows; ++i) {
+        const Floats lack = hn::Sub(hn::Set(tag, task.ground_weight_max),
+                                    hn::Load(tag, block.weight + i * block.stride));
+        sum = hn::MulAdd(lack, hn::Set(tag, steps.weight[k + i]), sum);
+      }
+    } else {
+      for (int i = 0; i < kBlockRows; ++i) {
+        const Floats z = hn::Load(tag, block.hiding_m + i * block.stride);
+        sum = add_if(hn::Le(z, hn::Set(tag, kUnknownBelow_m)), sum,
+                     hn::Set(tag, steps.weight[k + i]));
+      }
+    }
+    hn::Store(sum, tag, unknown);
   }
-  if (hn::AllTrue(tag, hn::Gt(lowest, hn::Set(tag, kUnknownBelow_m)))) {
-    return;
-  }
-  // Beside the border each line is known from one row to another, which needs no counting.
-  limits.known = Known::kInterval;
-  const IntTag int_tag;
-  for (int lane = 0; lane < kGroupLanes; lane += lanes) {
-    Floats first = hn::Set(tag, 1e9F);
-    Floats last = hn::Set(tag, -1.0F);
-    Floats count = hn::Zero(tag);
-    for (int row = task.buffer_begin; row < task.buffer_end; ++row) {
-      const Floats z =
-          hn::Load(tag, ground_m + static_cast<std::ptrdiff_t>(row) * kGroupLanes + lane);
+}
+
+// Interpolates a block of the strip that starts with a skewed column.
+HWY_INLINE void build_block(const LineTask& task, const Strip& strip, int column, int row) {
+  const FloatTag tag;
+  Floats highest = hn::Set(tag, kFarBelow_m);
+  Floats lowest = hn::Set(tag, -kFarBelow_m);
+  auto has_edges = hn::FirstN(tag, 0);
+  for (int r = row; r < row + kBlockRows; ++r) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(r) * kLanes;
+    const float fraction = task.fraction[r];
+    const float* left = task.ground_m + r * task.stride + task.left[r] + column;
+    const Floats a = hn::LoadU(tag, left);
+    const Floats b = hn::LoadU(tag, left + 1);
+    const Floats z = hn::MulAdd(hn::Set(tag, fraction), hn::Sub(b, a), a);
+    const int to_nearest = fraction < 0.5F ? 0 : 1;
+    const Floats nearest = hn::LoadU(tag, left + to_nearest);
+    const Floats beside =
+        hn::Add(hn::LoadU(tag, left + to_nearest - 1), hn::LoadU(tag, left + to_nearest + 1));
+    const Floats bend = hn::Abs(hn::Sub(beside, hn::Add(nearest, nearest)));
+    const auto is_edge =
+        hn::And(hn::Gt(bend, hn::Set(tag, kEdge_m)), hn::Lt(bend, hn::Set(tag, -kUnknownBelow_m)));
+    const Floats edge = hn::IfThenElseZero(is_edge, hn::Sub(nearest, z));
+    hn::Store(z, tag, strip.hiding_m + at);
+    hn::Store(edge, tag, strip.edge_m + at);
+    has_edges = hn::Or(has_edges, is_edge);
+    highest = hn::Max(highest, hn::Max(z, hn::Add(z, edge)));
+    lowest = hn::Min(lowest, z);
+    if (strip.weight != nullptr) {
+      const float* weight =
+          task.ground_weight + r * task.stride + task.left[r] + column + to_nearest;
       const auto is_known = hn::Gt(z, hn::Set(tag, kUnknownBelow_m));
-      const Floats here = hn::Set(tag, static_cast<float>(row));
-      first = hn::IfThenElse(is_known, hn::Min(first, here), first);
-      last = hn::IfThenElse(is_known, here, last);
-      count = add_if(is_known, count, hn::Set(tag, 1.0F));
-    }
-    const auto is_one_piece =
-        hn::Or(hn::Eq(hn::Add(hn::Sub(last, first), hn::Set(tag, 1.0F)), count),
-               hn::Eq(count, hn::Zero(tag)));
-    if (!hn::AllTrue(tag, is_one_piece)) {
-      limits.known = Known::kCount;
-      return;
-    }
-    hn::Store(hn::ConvertTo(int_tag, first), int_tag, limits.first + lane);
-    hn::Store(hn::ConvertTo(int_tag, last), int_tag, limits.last + lane);
-  }
-}
-
-template <int kFurther, bool kCountKnown, bool kWeighted>
-void add_rays(const GroupTask& task, const ObserverRow& observer, int direction, int step_count,
-              const float* ground_m, const float* highest_m, const float* weight) {
-  // Two vectors hide the latency of max; with 16 registers there is no room for more than one and
-  // its further heights.
-#if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
-  constexpr int kVectors = 2;
-#else
-  constexpr int kVectors = kFurther > 0 ? 1 : 2;
-#endif
-  const int lanes = kVectors * static_cast<int>(hn::Lanes(FloatTag()));
-  for (int lane = 0; lane < kGroupLanes; lane += lanes) {
-    add_ray<kVectors, kFurther, kCountKnown, kWeighted>(task, observer, lane, direction, step_count,
-                                                        ground_m + lane, highest_m + lane,
-                                                        kWeighted ? weight + lane : nullptr);
-  }
-}
-
-// Adds to `known` what lies between the ends of the known interval; returns how many steps there
-// are to look at.
-int add_known_interval(const GroupTask& task, const ObserverRow& observer, int direction,
-                       const GroupLimits& limits) {
-  const IntTag tag;
-  const int lanes = static_cast<int>(hn::Lanes(tag));
-  const auto here = hn::Set(tag, observer.buffer_row);
-  const auto zero = hn::Zero(tag);
-  const auto one = hn::Set(tag, 1);
-  const auto all = hn::Set(tag, task.step_count);
-  auto most = zero;
-  std::int32_t* further_known =
-      task.further_count == 0 ? nullptr
-                              : observer.further + (task.further_count + 1) * task.further_plane;
-  for (int lane = 0; lane < kGroupLanes; lane += lanes) {
-    const auto first = hn::Load(tag, limits.first + lane);
-    const auto last = hn::Load(tag, limits.last + lane);
-    const auto to = direction > 0 ? hn::Sub(last, here) : hn::Sub(here, first);
-    const auto from = hn::Sub(direction > 0 ? hn::Sub(first, here) : hn::Sub(here, last), one);
-    const auto end = hn::Max(zero, hn::Min(to, all));
-    const auto begin = hn::Max(zero, hn::Min(from, all));
-    most = hn::Max(most, end);
-    const auto sum = hn::Max(zero, hn::Sub(hn::GatherIndex(tag, task.known_prefix, end),
-                                           hn::GatherIndex(tag, task.known_prefix, begin)));
-    hn::StoreU(hn::Add(hn::LoadU(tag, observer.known + lane), sum), tag, observer.known + lane);
-    if (further_known != nullptr) {
-      hn::StoreU(hn::Add(hn::LoadU(tag, further_known + lane), sum), tag, further_known + lane);
+      hn::Store(hn::IfThenElseZero(is_known, hn::LoadU(tag, weight)), tag, strip.weight + at);
     }
   }
-  return hn::GetLane(hn::MaxOfLanes(tag, most));
+  const Floats unknown_below = hn::Set(tag, kUnknownBelow_m);
+  std::int32_t kind = 0;
+  if (!hn::AllFalse(tag, has_edges)) {
+    kind |= kHasEdges;
+    highest = hn::Add(highest, hn::Set(tag, kHeightMargin_m));
+  }
+  kind |= hn::AllTrue(tag, hn::Gt(lowest, unknown_below)) ? 0 : kHasUnknown;
+  kind |= hn::AllFalse(tag, hn::Gt(highest, unknown_below)) ? 0 : kHasKnown;
+  strip.block_kind[row / kBlockRows] = kind;
+  hn::Store(highest, tag, strip.highest_m + static_cast<std::ptrdiff_t>(row / kBlockRows) * kLanes);
 }
 
-void add_known_all(const GroupTask& task, const ObserverRow& observer) {
-  const IntTag tag;
-  const int lanes = static_cast<int>(hn::Lanes(tag));
-  const auto sum = hn::Set(tag, task.known_prefix[task.step_count]);
-  for (int lane = 0; lane < kGroupLanes; lane += lanes) {
-    hn::StoreU(hn::Add(hn::LoadU(tag, observer.known + lane), sum), tag, observer.known + lane);
-    if (task.further_count > 0) {
-      std::int32_t* known = observer.further + (task.further_count + 1) * task.further_plane + lane;
-      hn::StoreU(hn::Add(hn::LoadU(tag, known), sum), tag, known);
+HWY_NOINLINE void build(const LineTask& task, const Strip (&strips)[kStripsTogether], int column,
+                        int strip_count, int begin, int end) {
+  // The raster is too large for the nearer caches, and no processor foresees skewed columns.
+  constexpr int kLineFloats = 16;
+  constexpr int kRowsAhead = 2 * kBlockRows;
+  for (int row = begin; row < end; row += kBlockRows) {
+    for (int r = row + kRowsAhead; r < std::min(row + kRowsAhead + kBlockRows, end); ++r) {
+      const float* left = task.ground_m + r * task.stride + task.left[r] + column;
+      for (int i = 0; i <= strip_count * kLanes; i += kLineFloats) {
+        hwy::Prefetch(left + i);
+      }
+    }
+    for (int i = 0; i < strip_count; ++i) {
+      build_block(task, strips[i], column + i * kLanes, row);
     }
   }
 }
 
 template <int kFurther>
-void run(const GroupTask& task, float* ground_m, float* highest_m, float* weight) {
-  GroupLimits limits;
-  build(task, ground_m, highest_m, weight, limits);
-  for (const int direction : {1, -1}) {
-    for (const ObserverRow& observer : *task.observers) {
-      if (weight != nullptr) {
-        add_rays<kFurther, true, true>(task, observer, direction, task.step_count, ground_m,
-                                       highest_m, weight);
-      } else if (limits.known == Known::kCount) {
-        add_rays<kFurther, true, false>(task, observer, direction, task.step_count, ground_m,
-                                        highest_m, nullptr);
-      } else {
-        int step_count = task.step_count;
-        if (limits.known == Known::kInterval) {
-          step_count = add_known_interval(task, observer, direction, limits);
-        } else {
-          add_known_all(task, observer);
+void look_at_block(const RaySteps& steps, const StripObservers& observers, const Block& block,
+                   std::int32_t kind, int count) {
+  if (count == 0) {
+    return;
+  }
+  const bool has_edges = (kind & kHasEdges) != 0;
+  if constexpr (kFurther > 0) {
+    if (block.weight != nullptr) {
+      look_from_all<kFurther, true, true>(steps, observers, block, count);
+    } else if (has_edges) {
+      look_from_all<kFurther, true, false>(steps, observers, block, count);
+    } else {
+      look_from_all<kFurther, false, false>(steps, observers, block, count);
+    }
+  } else {
+    if (block.weight != nullptr) {
+      look<true, true>(steps, observers, block, count);
+    } else if (has_edges) {
+      look<true, false>(steps, observers, block, count);
+    } else {
+      look<false, false>(steps, observers, block, count);
+    }
+  }
+}
+
+// All rays of a strip in one direction.
+template <int kFurther>
+void look_along(const LineTask& task, const Strip& strip, StripObservers& observers,
+                int direction) {
+  const FloatTag tag;
+  const RaySteps& steps = *task.steps;
+  const int n = observers.count;
+  for (std::ptrdiff_t o = 0; o < n; ++o) {
+    observers.behind[o] = direction * observers.buffer_row[o];
+  }
+  const int lowest_row = observers.buffer_row[0];
+  const int highest_row = observers.buffer_row[n - 1];
+  const int first_block = (direction > 0 ? lowest_row : highest_row) / kBlockRows;
+  const int last_block =
+      (direction > 0 ? highest_row + steps.count : lowest_row - steps.count) / kBlockRows;
+  // Observers counted along the direction: a block may be seen by those of [begin, end), of which
+  // the ones of [begin, far) are asked about two blocks, those of [far, near) about this one and
+  // the rest not any more.
+  int begin = 0;
+  int far = 0;
+  int near = 0;
+  int end = 0;
+  int far_count = 0;
+  const auto behind = [&](int i) { return observers.behind[direction > 0 ? i : n - 1 - i]; };
+  for (int b = first_block; b != last_block + direction; b += direction) {
+    const int row = b * kBlockRows + (direction > 0 ? 0 : kBlockRows - 1);
+    const int ahead = direction * row;
+    const bool is_first_of_two = (b % 2 == 0) == (direction > 0);
+    while (end < n && behind(end) - ahead < kBlockRows) {
+      ++end;
+    }
+    while (begin < end && ahead - behind(begin) > steps.count) {
+      ++begin;
+    }
+    near = std::max(near, begin);
+    while (near < end && ahead - behind(near) > kNearRows) {
+      ++near;
+    }
+    if (is_first_of_two) {
+      while (far < near && ahead - behind(far) >= kAskedTwiceUntil) {
+        ++far;
+      }
+    }
+    const auto first = [&](int from, int to) { return direction > 0 ? from : n - to; };
+    Block block;
+    block.stride = direction * kLanes;
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(row) * kLanes;
+    block.hiding_m = strip.hiding_m + at;
+    block.edge_m = strip.edge_m + at;
+    block.weight = strip.weight == nullptr ? nullptr : strip.weight + at;
+    block.first_step = ahead - 1 + kBlockRows;
+    const std::int32_t kind = strip.block_kind[b];
+    const float* highest_m = strip.highest_m + static_cast<std::ptrdiff_t>(b) * kLanes;
+    const Floats highest = hn::Load(tag, highest_m);
+    if (is_first_of_two) {
+      far_count = 0;
+      if (begin < far) {
+        const Floats of_two = b == last_block
+                                  ? highest
+                                  : hn::Max(highest, hn::Load(tag, highest_m + direction * kLanes));
+        far_count = list_observers<kFurther>(steps, observers, of_two, block.first_step,
+                                             2 * kBlockRows, first(begin, far),
+                                             first(begin, far) + far - begin, observers.listed);
+      }
+    }
+    if (begin < end && ((kind & kHasUnknown) != 0 || block.weight != nullptr)) {
+      add_unknown(task, observers, block, kind, first(begin, end), first(begin, end) + end - begin);
+    }
+    if ((kind & kHasKnown) == 0) {
+      continue;
+    }
+    const int asked = std::max(begin, far);
+    std::int32_t* listed = observers.listed + far_count;
+    const int first_asked = first(asked, near);
+    const int count =
+        list_observers<kFurther>(steps, observers, highest, block.first_step, kBlockRows,
+                                 first_asked, first_asked + near - asked, listed);
+    look_at_block<kFurther>(steps, observers, block, kind, far_count + count);
+  }
+}
+
+template <int kFurther>
+void run(const LineTask& task, float* floats, std::int32_t* indices) {
+  const FloatTag tag;
+  const auto take = [](auto*& memory, std::ptrdiff_t count) {
+    auto* taken = memory;
+    memory += count;
+    return taken;
+  };
+  const std::ptrdiff_t row_floats = static_cast<std::ptrdiff_t>(task.buffer_rows) * kLanes;
+  Strip strips[kStripsTogether];
+  for (Strip& strip : strips) {
+    strip.hiding_m = take(floats, row_floats);
+    strip.edge_m = take(floats, row_floats);
+    strip.weight = task.ground_weight == nullptr ? nullptr : take(floats, row_floats);
+    strip.highest_m = take(floats, row_floats / kBlockRows);
+    strip.block_kind = take(indices, task.buffer_rows / kBlockRows);
+  }
+  const auto row_count = static_cast<std::ptrdiff_t>(task.rows->size());
+  StripObservers observers;
+  observers.eyes_m = take(floats, row_count * kLanes);
+  observers.down = row_count * kLanes;
+  observers.greatest = take(floats, 2 * row_count * kLanes);
+  observers.seen = take(floats, row_count * kLanes);
+  observers.unknown = take(floats, row_count * kLanes);
+  observers.further_plane = row_count * kLanes;
+  observers.further_greatest = take(floats, 2 * kFurther * row_count * kLanes);
+  observers.further_seen = take(floats, kFurther * row_count * kLanes);
+  float* greatest_down = observers.greatest + observers.down;
+  float* further_greatest_down = observers.further_greatest + kFurther * observers.further_plane;
+  observers.buffer_row = take(indices, row_count);
+  observers.behind = take(indices, row_count);
+  observers.from = take(indices, row_count);
+  observers.listed = take(indices, row_count);
+  const std::vector<ObserverRow>& rows = *task.rows;
+  int columns_begin = rows.front().skewed_begin;
+  int columns_end = rows.front().skewed_end;
+  for (const ObserverRow& row : rows) {
+    columns_begin = std::min(columns_begin, row.skewed_begin);
+    columns_end = std::max(columns_end, row.skewed_end);
+  }
+  constexpr int kColumnsTogether = kStripsTogether * kLanes;
+  constexpr std::size_t kRowsAhead = 8;
+  for (int group = columns_begin; group < columns_end; group += kColumnsTogether) {
+    const int group_end = std::min(group + kColumnsTogether, columns_end);
+    int first_row = task.buffer_rows;
+    int last_row = -1;
+    for (const ObserverRow& row : rows) {
+      if (row.skewed_end > group && row.skewed_begin < group_end) {
+        first_row = std::min(first_row, row.buffer_row);
+        last_row = std::max(last_row, row.buffer_row);
+      }
+    }
+    if (last_row < 0) {
+      continue;
+    }
+    const int reach = task.steps->count;
+    build(task, strips, group, (group_end - group + kLanes - 1) / kLanes,
+          (first_row - reach) / kBlockRows * kBlockRows,
+          ((last_row + reach) / kBlockRows + 1) * kBlockRows);
+    for (int column = group; column < group_end; column += kLanes) {
+      const Strip& strip = strips[(column - group) / kLanes];
+      std::ptrdiff_t n = 0;
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        const ObserverRow& row = rows[i];
+        if (row.skewed_end <= column || row.skewed_begin >= column + kLanes) {
+          continue;
         }
-        add_rays<kFurther, false, false>(task, observer, direction, step_count, ground_m, highest_m,
-                                         nullptr);
+        hwy::Prefetch(task.eyes_m + rows[std::min(i + kRowsAhead, rows.size() - 1)].at + column);
+        observers.buffer_row[n] = row.buffer_row;
+        observers.from[n] = static_cast<std::int32_t>(i);
+        const std::ptrdiff_t at = n * kLanes;
+        hn::Store(hn::LoadU(tag, task.eyes_m + row.at + column), tag, observers.eyes_m + at);
+        hn::Store(hn::Zero(tag), tag, observers.unknown + at);
+        ++n;
+      }
+      if (n == 0) {
+        continue;
+      }
+      observers.count = static_cast<int>(n);
+      observers.is_some_unknown = false;
+      look_near_all<kFurther>(*task.steps, strip, observers);
+      look_along<kFurther>(task, strip, observers, 1);
+      std::swap(observers.greatest, greatest_down);
+      std::swap(observers.further_greatest, further_greatest_down);
+      look_along<kFurther>(task, strip, observers, -1);
+      std::swap(observers.greatest, greatest_down);
+      std::swap(observers.further_greatest, further_greatest_down);
+      for (std::ptrdiff_t o = 0; o < n; ++o) {
+        const auto of = static_cast<std::size_t>(observers.from[o]);
+        hwy::Prefetch(task.seen + rows[std::min(of + kRowsAhead, rows.size() - 1)].at + column);
+        const std::ptrdiff_t to = rows[of].at + column;
+        const std::ptrdiff_t at = o * kLanes;
+        const Floats seen = hn::Load(tag, observers.seen + at);
+        add_to(task.seen + to, seen);
+        if constexpr (kFurther > 0) {
+          add_to(task.further + to, seen);
+          for (int h = 0; h < kFurther; ++h) {
+            add_to(task.further + (h + 1) * task.further_plane + to,
+                   hn::Load(tag, observers.further_seen + h * observers.further_plane + at));
+          }
+        }
+        if (observers.is_some_unknown) {
+          const Floats less = hn::Neg(hn::Load(tag, observers.unknown + at));
+          add_to(task.known + to, less);
+          if constexpr (kFurther > 0) {
+            add_to(task.further + (kFurther + 1) * task.further_plane + to, less);
+          }
+        }
       }
     }
   }
 }
 
-void add_group_kernel(const GroupTask& task, float* ground_m, float* highest_m, float* weight) {
+void add_lines_kernel(const LineTask& task, float* floats, std::int32_t* indices) {
   switch (task.further_count) {
     case 0:
-      return run<0>(task, ground_m, highest_m, weight);
+      return run<0>(task, floats, indices);
     case 1:
-      return run<1>(task, ground_m, highest_m, weight);
+      return run<1>(task, floats, indices);
     case 2:
-      return run<2>(task, ground_m, highest_m, weight);
+      return run<2>(task, floats, indices);
     case 3:
-      return run<3>(task, ground_m, highest_m, weight);
+      return run<3>(task, floats, indices);
     default:
-      return run<4>(task, ground_m, highest_m, weight);
+      return run<4>(task, floats, indices);
   }
 }
 
@@ -331,7 +652,7 @@ HWY_AFTER_NAMESPACE();
 namespace hedgehop::preparation {
 namespace {
 
-HWY_EXPORT(add_group_kernel);
+HWY_EXPORT(add_lines_kernel);
 
 constexpr std::int64_t kAvx512Targets = HWY_AVX3 | HWY_AVX3_DL;
 
@@ -374,30 +695,36 @@ const char* name_of_simd(Simd simd) {
 
 namespace {
 
-void best_kernel(const GroupTask& task, float* ground_m, float* highest_m, float* weight) {
-  HWY_DYNAMIC_DISPATCH(add_group_kernel)(task, ground_m, highest_m, weight);
+void best_kernel(const LineTask& task, float* floats, std::int32_t* indices) {
+  HWY_DYNAMIC_DISPATCH(add_lines_kernel)(task, floats, indices);
 }
 
 }  // namespace
 
-GroupKernel group_kernel(Simd simd) {
+LineKernel line_kernel(Simd simd) {
   if (!is_available(simd)) {
     throw std::invalid_argument("visibility: this processor lacks the instructions asked for");
   }
 #if (HWY_TARGETS & HWY_AVX2) && HWY_TARGETS != HWY_AVX2
   if (simd == Simd::kAvx2) {
-    return &N_AVX2::add_group_kernel;
+    return &N_AVX2::add_lines_kernel;
   }
 #endif
   return &best_kernel;
 }
 
-void add_group(const GroupTask& task, GroupBuffers& buffers, GroupKernel kernel) {
-  const auto cells = static_cast<std::size_t>(task.buffer_end) * kGroupLanes;
-  float* ground_m = aligned(buffers.ground_m, cells);
-  float* highest_m = aligned(buffers.highest_m, cells);
-  float* weight = task.ground_weight == nullptr ? nullptr : aligned(buffers.weight, cells);
-  kernel(task, ground_m, highest_m, weight);
+void add_lines(const LineTask& task, LineBuffers& buffers, LineKernel kernel) {
+  // As the kernel takes it, with the widest vectors.
+  const auto rows = static_cast<std::size_t>(task.buffer_rows);
+  const std::size_t blocks = rows / kBlockRows;
+  const std::size_t observers = task.rows->size();
+  const auto further = static_cast<std::size_t>(task.further_count);
+  buffers.indices.resize(
+      std::max(buffers.indices.size(), kStripsTogether * blocks + 4 * observers));
+  kernel(task,
+         aligned(buffers.floats, kLanesMax * (kStripsTogether * (3 * rows + blocks) +
+                                              (5 + 3 * further) * observers)),
+         buffers.indices.data());
 }
 
 }  // namespace hedgehop::preparation

@@ -7,8 +7,11 @@
 /// The inner loops of the visibility layer: SIMD across neighbouring observers, chosen at run time.
 ///
 /// Rays of one direction run along lines that are one skewed column each of a small buffer: row R
-/// of the raster, shifted so that every line is upright. The buffer is interpolated once and serves
-/// the observers of many rows, and the rays of the opposite direction too.
+/// of the raster, shifted so that every line is upright. As many neighbouring lines as a vector has
+/// lanes are a strip. The ground of a strip is interpolated once, and serves the observers of many
+/// rows and the rays of the opposite direction too. It is worked through in blocks of a few rows,
+/// which stay in registers: a list of the observers that may see something of the block is made
+/// first, then the listed ones look at it.
 namespace hedgehop::preparation {
 
 /// Which instructions are used; results are the same bytes. kBest is the widest there is.
@@ -23,62 +26,77 @@ bool is_available(Simd simd);
 inline constexpr float kFarBelow_m = -1e30F;
 /// Interpolated heights below this have an unknown neighbour that counts.
 inline constexpr float kUnknownBelow_m = -1e20F;
+/// Known heights are clamped to what is less than this from zero, so that rounding stays far below
+/// kHeightMargin_m.
+inline constexpr float kHeightMax_m = 20000.0F;
+inline constexpr float kHeightMargin_m = 0.0625F;
 /// Slopes start here: below all known ones, above all unknown ones.
 inline constexpr float kLowestSlope = -1e6F;
-/// Neighbouring observers that are worked on together.
-inline constexpr int kGroupLanes = 32;
+/// An eye this high sees nothing at all, since slopes are below kLowestSlope.
+inline constexpr float kBlindEye_m = 1e12F;
+/// A cell that lies this much above or below its neighbours to the left and right, added up, is an
+/// edge: of a forest or a house, or a ridge.
+inline constexpr float kEdge_m = 16.0F;
+/// Lanes of the widest vector.
+inline constexpr int kLanesMax = 16;
+/// Neighbouring strips that are interpolated together, as their ground lies in the same pages.
+inline constexpr int kStripsTogether = 4;
+/// Rows of a block.
+inline constexpr int kBlockRows = 8;
 /// Further heights in one pass.
 inline constexpr int kFurtherHeightsMax = 4;
 
-/// What sample k = 1, 2, .. of every ray of a line has in common; stands at index k - 1.
-struct RayStep {
-  float inverse_distance_1pm = 0.0F;
-  float drop_slope = 0.0F;  // how much lower the curved earth makes it look
-  float weight = 0.0F;      // whole number
+/// What sample k of every ray of a line has in common; stands at index k - 1 + kBlockRows. Before
+/// them stand kBlockRows elements that neither see nor hide anything, after them twice as many that
+/// see nothing.
+struct RaySteps {
+  int count = 0;
+  std::vector<float> inverse_distance_1pm;
+  std::vector<float> drop_slope;      // how much lower the curved earth makes it look
+  std::vector<float> weight;          // whole numbers
+  std::vector<float> weight_before;   // sum of the weights of all elements before
+  std::vector<float> further_slopes;  // (height - reference height) / distance, by step and height
 };
 
-/// A row of observers: lane 0 of the group in each array.
+/// Observers of a row on the lines of one phase.
 struct ObserverRow {
   int buffer_row = 0;
-  const float* eyes_m = nullptr;
-  std::int32_t* seen = nullptr;
-  std::int32_t* known = nullptr;
-  std::int32_t* further = nullptr;  // planes: seen at reference height, at each further one, known
+  int skewed_begin = 0;  // skewed columns with observers
+  int skewed_end = 0;
+  std::ptrdiff_t at = 0;  // of skewed column 0 in the arrays for observers
 };
 
-/// One group of skewed columns with the observers on it.
-struct GroupTask {
+/// All lines of one direction and phase in a tile.
+struct LineTask {
   const float* ground_m = nullptr;       // column 0 of the raster in buffer row 0
-  const float* ground_weight = nullptr;  // likewise, whole numbers; null: all ground counts alike
-  std::ptrdiff_t stride = 0;             // of both
-  const std::int32_t* left = nullptr;    // raster column of skewed column 0, by buffer row
-  const float* fraction = nullptr;       // share of its right neighbour, by buffer row
-  int first_column = 0;                  // skewed column of lane 0
-  int buffer_begin = 0;                  // buffer rows that are used
-  int buffer_end = 0;
-  const RayStep* steps = nullptr;
-  int step_count = 0;
-  const std::int32_t* known_prefix = nullptr;  // sum of the first k weights, k = 0..step_count
-  const float* further_slopes = nullptr;  // by step: (height - reference height) / distance of each
-  int further_count = 0;                  // 0..kFurtherHeightsMax
-  std::ptrdiff_t further_plane = 0;       // from one plane of ObserverRow::further to the next
-  const std::vector<ObserverRow>* observers = nullptr;
+  const float* ground_weight = nullptr;  // likewise, 0..ground_weight_max; null: all ground counts
+  float ground_weight_max = 1.0F;
+  std::ptrdiff_t stride = 0;           // of both
+  const std::int32_t* left = nullptr;  // raster column of skewed column 0, by buffer row
+  const float* fraction = nullptr;     // share of its right neighbour, by buffer row
+  int buffer_rows = 0;                 // multiple of kBlockRows
+  const RaySteps* steps = nullptr;
+  int further_count = 0;                           // 0..kFurtherHeightsMax
+  const std::vector<ObserverRow>* rows = nullptr;  // upwards
+  const float* eyes_m = nullptr;                   // arrays for observers
+  std::int32_t* seen = nullptr;
+  std::int32_t* known = nullptr;     // less what all rays weigh on known ground of full weight
+  std::int32_t* further = nullptr;   // planes: seen at reference height, at each further one, known
+  std::ptrdiff_t further_plane = 0;  // from one plane to the next
 };
 
 /// Memory of a thread that runs tasks.
-struct GroupBuffers {
-  std::vector<float> ground_m;
-  std::vector<float> highest_m;
-  std::vector<float> weight;
+struct LineBuffers {
+  std::vector<float> floats;
+  std::vector<std::int32_t> indices;
 };
 
 /// The kernel for a set of instructions; asking the processor is slow, so ask once.
 /// Throws std::invalid_argument if it is not available.
-using GroupKernel = void (*)(const GroupTask& task, float* ground_m, float* highest_m,
-                             float* weight);
-GroupKernel group_kernel(Simd simd);
+using LineKernel = void (*)(const LineTask& task, float* floats, std::int32_t* indices);
+LineKernel line_kernel(Simd simd);
 
-/// Adds what the rays of a group see to the sums of its observers, in both directions of the line.
-void add_group(const GroupTask& task, GroupBuffers& buffers, GroupKernel kernel);
+/// Adds what the rays of these lines see to the sums of their observers, in both directions.
+void add_lines(const LineTask& task, LineBuffers& buffers, LineKernel kernel);
 
 }  // namespace hedgehop::preparation

@@ -32,11 +32,44 @@ void validate(const VisibilityOptions& options, double cell_m) {
   }
 }
 
+namespace {
+
+RaySteps ray_steps(const VisibilityOptions& options, double step_m, double ray_weight) {
+  RaySteps steps;
+  steps.count = static_cast<int>(std::floor(options.radius_m / step_m));
+  const double drop_1pm = drop_per_square_1pm(options);
+  const auto weight_within = [&](double distance_m) {
+    const double share = std::clamp(distance_m / options.radius_m, 0.0, 1.0);
+    return std::round(ray_weight * share * share);
+  };
+  double before = 0.0;
+  for (int k = 1 - kBlockRows; k <= steps.count + 2 * kBlockRows; ++k) {
+    const double distance_m = k * step_m;
+    double weight = 0.0;
+    if (k >= 1 && k <= steps.count) {
+      const double outer_m = k == steps.count ? options.radius_m : distance_m + 0.5 * step_m;
+      weight = weight_within(outer_m) - weight_within(distance_m - 0.5 * step_m);
+    }
+    steps.weight.push_back(static_cast<float>(weight));
+    steps.weight_before.push_back(static_cast<float>(before));
+    before += weight;
+    // Behind the eye all slopes are the lowest, so that the greatest stays.
+    steps.inverse_distance_1pm.push_back(k < 1 ? 0.0F : static_cast<float>(1.0 / distance_m));
+    steps.drop_slope.push_back(k < 1 ? -kLowestSlope : static_cast<float>(drop_1pm * distance_m));
+    for (const double height_m : options.further_heights_m) {
+      steps.further_slopes.push_back(
+          k < 1 ? 0.0F : static_cast<float>((height_m - options.reference_height_m) / distance_m));
+    }
+  }
+  return steps;
+}
+
+}  // namespace
+
 std::vector<SightLine> sight_lines(const VisibilityOptions& options, double cell_m,
                                    bool is_transposed, bool has_ground_weights) {
   std::vector<SightLine> lines;
   const int a = options.azimuths;
-  const double drop_1pm = drop_per_square_1pm(options);
   for (int i = 0; i < a; ++i) {
     // Azimuth (2 i + 1) pi / a; whole numbers decide which pass takes the diagonals.
     const int position = 2 * i + 1;
@@ -53,25 +86,10 @@ std::vector<SightLine> sight_lines(const VisibilityOptions& options, double cell
     line.slope = std::llround(shift * 4294967296.0);
     line.has_further = !options.further_heights_m.empty() && i % (a / 2) % kFurtherLineStride == 0;
     const double step_m = cell_m * std::sqrt(1.0 + shift * shift);
-    const int count = static_cast<int>(std::floor(options.radius_m / step_m));
     const double ray_weight = has_ground_weights ? kWeightedRayWeight : kRayWeight;
-    line.known_prefix.push_back(0);
-    for (int k = 1; k <= count; ++k) {
-      const double distance_m = k * step_m;
-      const double inner_m = distance_m - 0.5 * step_m;
-      const double outer_m =
-          k == count ? options.radius_m : std::min(distance_m + 0.5 * step_m, options.radius_m);
-      const double share =
-          (outer_m * outer_m - inner_m * inner_m) / (options.radius_m * options.radius_m);
-      const double weight = std::round(ray_weight * share);
-      line.steps.push_back({static_cast<float>(1.0 / distance_m),
-                            static_cast<float>(drop_1pm * distance_m), static_cast<float>(weight)});
-      line.known_prefix.push_back(line.known_prefix.back() + static_cast<std::int32_t>(weight));
-      for (const double height_m : options.further_heights_m) {
-        line.further_slopes.push_back(
-            static_cast<float>((height_m - options.reference_height_m) / distance_m));
-      }
-    }
+    line.steps = ray_steps(options, step_m, ray_weight);
+    const double full_weight = has_ground_weights ? kGroundWeightMax : 1.0;
+    line.ray_weight = static_cast<std::uint32_t>(full_weight * line.steps.weight_before.back());
     lines.push_back(std::move(line));
   }
   return lines;

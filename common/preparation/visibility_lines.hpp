@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -22,9 +24,8 @@ namespace hedgehop::preparation {
 struct SightLine {
   std::int64_t slope = 0;  // columns a row
   bool has_further = false;
-  std::vector<RayStep> steps;
-  std::vector<std::int32_t> known_prefix;  // sums of the first k weights
-  std::vector<float> further_slopes;       // by step, then by further height
+  RaySteps steps;
+  std::uint32_t ray_weight = 0;  // of all steps on ground of full weight
 };
 
 /// Weights of the steps of one ray add up to about this.
@@ -38,14 +39,18 @@ inline constexpr int kFurtherLineStride = 2;
 std::vector<SightLine> sight_lines(const VisibilityOptions& options, double cell_m,
                                    bool is_transposed, bool has_ground_weights);
 
+/// Lines a cell.
+inline constexpr int kPhaseBits = 1;
+inline constexpr int kPhases = 1 << kPhaseBits;
+
 /// The line that serves an observer in absolute row `row`: skewed column = column + shift.
 struct Foot {
   int shift = 0;
-  int phase = 0;  // 0 or 1
+  int phase = 0;  // 0 .. kPhases - 1
 };
 inline Foot foot_on_line(std::int64_t slope, std::int64_t row) {
-  const std::int64_t half_cells = (-2 * slope * row + (std::int64_t{1} << 31)) >> 32;
-  return {static_cast<int>(half_cells >> 1), static_cast<int>(half_cells & 1)};
+  const std::int64_t parts = (-kPhases * slope * row + (std::int64_t{1} << 31)) >> 32;
+  return {static_cast<int>(parts >> kPhaseBits), static_cast<int>(parts & (kPhases - 1))};
 }
 
 /// Where skewed column 0 crosses a row.
@@ -54,9 +59,25 @@ struct Crossing {
   float fraction = 0.0F;  // of the right neighbour, a multiple of 2^-16 below 1
 };
 inline Crossing crossing_of_line(std::int64_t slope, int phase, std::int64_t row) {
-  const std::int64_t x = slope * row + (static_cast<std::int64_t>(phase) << 31);
+  const std::int64_t x = slope * row + (static_cast<std::int64_t>(phase) << (32 - kPhaseBits));
   return {static_cast<std::int32_t>(x >> 32),
           static_cast<float>((x >> 16) & 0xffff) * (1.0F / 65536.0F)};
+}
+
+/// What a ray looks at where it crosses a row between `left` and `right` is so much higher than the
+/// ground interpolated there, which is what may hide it: at the edge of a forest the nearest of the
+/// two cells is looked at, since nobody stands on the slope between them. `beside` is the other
+/// neighbour of the nearest one.
+inline float edge_height_m(float fraction, float left, float right, float beside, float ground_m) {
+  const float nearest = fraction < 0.5F ? left : right;
+  const float opposite = fraction < 0.5F ? right : left;
+  const float bend = std::fabs((beside + opposite) - (nearest + nearest));
+  return bend > kEdge_m && bend < -kUnknownBelow_m ? nearest - ground_m : 0.0F;
+}
+
+/// Height of a cell in the padded raster.
+inline float padded_height_m(float z) {
+  return std::isnan(z) ? kFarBelow_m : std::clamp(z, -kHeightMax_m, kHeightMax_m);
 }
 
 /// Rows or columns from the origin of the map frame to the raster's first.

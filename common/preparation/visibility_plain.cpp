@@ -19,7 +19,7 @@ struct PlainSums {
 
 float known_or_far_below(const raster::Grid<float>& grid, int column, int row) {
   const raster::CellIndex cell{column, row};
-  return grid.geometry().contains(cell) && !std::isnan(grid.at(cell)) ? grid.at(cell) : kFarBelow_m;
+  return grid.geometry().contains(cell) ? padded_height_m(grid.at(cell)) : kFarBelow_m;
 }
 
 void add_plain_line(const VisibilityGround& ground, const SightLine& line, bool is_transposed,
@@ -33,8 +33,9 @@ void add_plain_line(const VisibilityGround& ground, const SightLine& line, bool 
   for (const int direction : {1, -1}) {
     float greatest = kLowestSlope;
     std::vector<float> further_greatest(heights, kLowestSlope);
-    for (std::size_t k = 0; k < line.steps.size(); ++k) {
-      const int r = row + direction * (static_cast<int>(k) + 1);
+    for (int k = 1; k <= line.steps.count; ++k) {
+      const auto step = static_cast<std::size_t>(k - 1 + kBlockRows);
+      const int r = row + direction * k;
       const Crossing crossing = crossing_of_line(line.slope, foot.phase, origin + r);
       const int c = column + foot.shift + crossing.left;
       const auto at = [&](int beside) {
@@ -43,17 +44,21 @@ void add_plain_line(const VisibilityGround& ground, const SightLine& line, bool 
       };
       const float left_m = at(0);
       const float z_m = std::fma(crossing.fraction, at(1) - left_m, left_m);
-      float counts = line.steps[k].weight;
+      const bool is_left = crossing.fraction < 0.5F;
+      const float edge_m =
+          edge_height_m(crossing.fraction, left_m, at(1), at(is_left ? -1 : 2), z_m);
+      float counts = line.steps.weight[step];
       if (ground.weight != nullptr) {
-        const int beside = crossing.fraction < 0.5F ? 0 : 1;
+        const int beside = is_left ? 0 : 1;
         const raster::CellIndex seer =
             is_transposed ? raster::CellIndex{r, c + beside} : raster::CellIndex{c + beside, r};
         counts *= g.contains(seer) ? std::min(ground.weight->at(seer), kGroundWeightMax) : 0.0F;
       }
       const auto add = static_cast<std::uint32_t>(counts);
-      const float slope =
-          std::fma(z_m - eye_m, line.steps[k].inverse_distance_1pm, -line.steps[k].drop_slope);
-      if (slope >= greatest) {
+      const float inverse_distance = line.steps.inverse_distance_1pm[step];
+      const float slope = std::fma(z_m - eye_m, inverse_distance, -line.steps.drop_slope[step]);
+      const float looked_at = std::fma(edge_m, inverse_distance, slope);
+      if (looked_at >= greatest) {
         sums.seen += add;
         if (line.has_further) {
           sums.further[0] += add;
@@ -65,11 +70,11 @@ void add_plain_line(const VisibilityGround& ground, const SightLine& line, bool 
         sums.further_known += line.has_further ? add : 0;
       }
       for (std::size_t i = 0; i < heights; ++i) {
-        const float lower = slope - line.further_slopes[k * heights + i];
-        if (lower >= further_greatest[i]) {
+        const float further = line.steps.further_slopes[step * heights + i];
+        if (looked_at - further >= further_greatest[i]) {
           sums.further[i + 1] += add;
         }
-        further_greatest[i] = std::max(further_greatest[i], lower);
+        further_greatest[i] = std::max(further_greatest[i], slope - further);
       }
     }
   }
@@ -94,8 +99,8 @@ VisibilityLayers plain_visibility_of_block(const VisibilityGround& ground, raste
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       const raster::CellIndex cell{block.column + column, block.row + row};
-      const float ground_m = ground.surface_m.at(cell);
-      if (std::isnan(ground_m)) {
+      const float ground_m = padded_height_m(ground.surface_m.at(cell));
+      if (ground_m < kUnknownBelow_m) {
         continue;
       }
       const float eye_m = ground_m + static_cast<float>(options.reference_height_m);

@@ -142,6 +142,41 @@ TEST(Visibility, AgreesWithBruteForceLinesOfSight) {
   EXPECT_LE(errors[37], 0.003);
 }
 
+TEST(Visibility, AgreesWithBruteForceWhereForestsMakeSteps) {
+  std::random_device device;
+  const unsigned seed = device();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  const VisibilityOptions options{5000.0, 15.24, 180, true, 0.13, {}};
+  raster::Grid<float> surface_m = hills(420, 410, 30.0, seed);
+  for (int i = 0; i < 600; ++i) {
+    const int column = static_cast<int>(random() % 420);
+    const int row = static_cast<int>(random() % 410);
+    const int columns = 1 + static_cast<int>(random() % 14);
+    const int rows = 1 + static_cast<int>(random() % 14);
+    for (int r = row; r < std::min(row + rows, 410); ++r) {
+      for (int c = column; c < std::min(column + columns, 420); ++c) {
+        surface_m.at(c, r) += 25.0F;
+      }
+    }
+  }
+  double mean = 0.0;
+  double bias = 0.0;
+  constexpr int kCells = 40;
+  for (int i = 0; i < kCells; ++i) {
+    const raster::CellIndex cell{170 + static_cast<int>(random() % 80),
+                                 170 + static_cast<int>(random() % 70)};
+    const double error = map::visibility_share(visibility_at(surface_m, cell, options)) -
+                         reference_visibility_share({surface_m, surface_m}, cell, 15.24, options);
+    mean += std::fabs(error) / kCells;
+    bias += error / kCells;
+  }
+  RecordProperty("mean_error", std::to_string(mean));
+  RecordProperty("bias", std::to_string(bias));
+  EXPECT_LE(mean, 0.0015);
+  EXPECT_LE(std::fabs(bias), 0.001);
+}
+
 TEST(Visibility, AgreesWithTheViewshedOfGdal) {
   GDALAllRegister();
   const unsigned seed = 20;
@@ -227,6 +262,31 @@ TEST(Visibility, KernelAndPlainReferenceGiveTheSameBytes) {
                                           {1, Simd::kBest}, observer);
     expect_same(fast, plain_visibility_of_block({opaque_m, surface_m}, {7, 3}, 97, 90, options));
   }
+}
+
+TEST(Visibility, KernelAndPlainReferenceGiveTheSameBytesForRaysOfAnyLength) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> ground_m = wild_ground(45, 41, seed);
+  for (const double radius_m : {60.0, 250.0, 510.0, 690.0, 760.0, 1500.0, 2500.0}) {
+    SCOPED_TRACE("radius " + std::to_string(radius_m));
+    const VisibilityOptions options{radius_m, 15.24, 36, true, 0.13, {70.0}};
+    expect_same(layers_everywhere({ground_m, ground_m}, options),
+                plain_visibility_of_block({ground_m, ground_m}, {0, 0}, 45, 41, options));
+  }
+}
+
+TEST(Visibility, HeightsThatNoEarthHasChangeNothingBetweenKernelAndPlainReference) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  raster::Grid<float> ground_m = wild_ground(80, 70, seed);
+  std::mt19937 random(seed);
+  for (const float height_m : {1e5F, -1e5F, 3e7F, -3e7F, 1e30F, -1e30F, 3e38F, -3e38F}) {
+    for (int i = 0; i < 5; ++i) {
+      ground_m.at(static_cast<int>(random() % 80), static_cast<int>(random() % 70)) = height_m;
+    }
+  }
+  const VisibilityOptions options{900.0, 15.24, 40, true, 0.13, {60.0}};
+  expect_same(layers_everywhere({ground_m, ground_m}, options),
+              plain_visibility_of_block({ground_m, ground_m}, {0, 0}, 80, 70, options));
 }
 
 TEST(Visibility, KernelAndPlainReferenceGiveTheSameBytesWithWeightedGround) {
