@@ -20,7 +20,7 @@ namespace hedgehop::cli {
 namespace {
 
 struct PrepareArguments {
-  std::vector<std::string> dem, osm, vectors, mappings, attributions, settings;
+  std::vector<std::string> dem, osm, vectors, mappings, obstacles, areas, attributions, settings;
   std::vector<double> bbox_deg;
   double cell_m = 0.0;
   std::string crs, label, config_file, out, observers_file, tile;
@@ -109,6 +109,8 @@ preparation::PrepareRequest request_of(const PrepareArguments& arguments, const 
     request.tile = tile_of(arguments.tile);
   }
   request.threads = console.threads;
+  request.obstacle_files.assign(arguments.obstacles.begin(), arguments.obstacles.end());
+  request.area_files.assign(arguments.areas.begin(), arguments.areas.end());
   return request;
 }
 
@@ -172,7 +174,8 @@ void add_prepare_verb(CLI::App& app, Console& console) {
       "use: OpenStreetMap .osm, .osm.gz, .osm.bz2, .osm.pbf, and any other vector file with a "
       "mapping "
       "that says what its layers mean. The bundle holds terrain, surface, "
-      "semantics and visibility as GeoTIFF, power lines as GeoPackage and a manifest; QGIS opens "
+      "semantics and visibility as GeoTIFF, overhead lines, obstacles and areas as GeoPackage and "
+      "a manifest; QGIS opens "
       "all of "
       "it. The same files and settings give the same bytes.\n"
       "Example:\n"
@@ -195,6 +198,15 @@ void add_prepare_verb(CLI::App& app, Console& console) {
   verb->add_option("--mapping", arguments->mappings,
                    "What the layers of the --vectors file mean: a YAML file, or the name of a "
                    "shipped one; one for each --vectors, in the same order")
+      ->allow_extra_args(false);
+  verb->add_option(
+          "--obstacles", arguments->obstacles,
+          "Obstacle file: FAA DOF (.DAT or .CSV), or CSV with latitude_deg, longitude_deg, "
+          "height_m; may be repeated")
+      ->allow_extra_args(false);
+  verb->add_option("--areas", arguments->areas,
+                   "Areas that must not be entered or are to be avoided: OpenAir (.txt), GeoJSON, "
+                   "KML, GeoPackage, ...; may be repeated")
       ->allow_extra_args(false);
   verb->add_option("--bbox", arguments->bbox_deg,
                    "West,south,east,north in degrees (default: all that the elevation files cover)")

@@ -31,14 +31,14 @@ EIGEN = ["Eigen/"]
 
 ROOMS = {
     "base": ([], [], ["yaml-cpp/", "xxhash.h", "openssl/"] + POSIX),
-    "geo": (["base"], [], ["proj"] + GDAL),
+    "geo": (["base"], [], ["proj", "geodesic.h"] + GDAL),
     "raster": (["base", "geo"], [], []),
     "map": (["raster", "geo", "base"], [], ["zstd.h"] + JSON + GDAL),
     "map_sources": (["raster", "geo", "base"], [], ["osmium/", "zlib.h"] + GDAL),
     "preparation": (["map_sources", "map", "raster"], [],
                     ["opencv2/"] + JSON + GDAL + TBB + HIGHWAY),
     "flight": (["base", "geo"], EIGEN, []),
-    "risk": (["map", "flight"], [], []),
+    "risk": (["map", "flight"], [], ["opencv2/"]),
     "global_planning": (["risk", "map", "flight"], [], ["ompl/", "boost/"] + EIGEN + TBB),
     "command_model": (["flight", "base"], EIGEN, []),
     "local_planning": (["risk", "map", "flight", "command_model"], [], EIGEN + HIGHWAY),

@@ -33,9 +33,16 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
   const raster::Grid<float>& surface_m = costs.map().surface_m;
   for (int row = 0; row < map_geometry_.rows; ++row) {
     for (int column = 0; column < map_geometry_.columns; ++column) {
-      const float here_m = surface_m.at(column, row);
+      float here_m = surface_m.at(column, row);
       if (std::isnan(here_m)) {
         continue;
+      }
+      const double wall_m = costs.areas().wall_top_m({column, row}, kAreaFloor_m);
+      if (wall_m > static_cast<double>(here_m)) {
+        if (wall_m > static_cast<double>(here_m) + kAreaClimb_m) {
+          continue;  // stays a wall
+        }
+        here_m = static_cast<float>(wall_m);
       }
       surface_m_.at(column + padding, row + padding) = here_m;
       risk_.at(column + padding, row + padding) = static_cast<float>(

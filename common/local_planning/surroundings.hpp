@@ -10,10 +10,14 @@ namespace hedgehop::local_planning {
 /// Padded layers of a map, ready for kernels that look around without asking for bounds.
 ///
 /// The padding and every void count as a wall of kBlockedAltitude_m; they never count as ground to
-/// be climbed over in `dilated`, where they are left out.
+/// be climbed over in `dilated`, where they are left out. So does a hard area of the map that
+/// begins within kAreaFloor_m above the surface, unless its ceiling is at most kAreaClimb_m above
+/// it: then it is ground up to its ceiling.
 class Surroundings {
  public:
   static constexpr float kBlockedAltitude_m = 9000.0F;
+  static constexpr double kAreaFloor_m = 60.0;
+  static constexpr double kAreaClimb_m = 150.0;
 
   /// @param window_m           how far kernels look from a point on the map
   /// @param disc_radius_m      of the discs in `dilated`

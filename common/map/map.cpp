@@ -21,6 +21,18 @@ void update_text(Hasher128& hasher, std::string_view text) {
   hasher.update(text);
 }
 
+void update(Hasher128& hasher, const geo::MapPoint& point) {
+  update(hasher, point.x_m);
+  update(hasher, point.y_m);
+}
+
+void update_ring(Hasher128& hasher, const std::vector<geo::MapPoint>& ring) {
+  update(hasher, static_cast<std::uint64_t>(ring.size()));
+  for (const geo::MapPoint& point : ring) {
+    update(hasher, point);
+  }
+}
+
 // Rows are hashed as they lie in memory: little-endian, south to north. NaN has one bit pattern
 // here.
 void update_heights(Hasher128& hasher, const raster::Grid<float>& grid) {
@@ -55,6 +67,8 @@ const std::vector<SemanticName>& semantic_names() {
       {SemanticClass::kSettlementDesired, "settlement_desired"},
       {SemanticClass::kPowerLine, "power_line"},
       {SemanticClass::kWater, "water"},
+      {SemanticClass::kPowerPole, "power_pole"},
+      {SemanticClass::kObstacle, "obstacle"},
       {SemanticClass::kVisibilityPartial, "visibility_partial"},
       {SemanticClass::kUnmapped, "unmapped"},
   };
@@ -72,9 +86,41 @@ bool covers_height(const Map& map, double height_m) {
   return height_m >= low_m - kSame_m && height_m <= high_m + kSame_m;
 }
 
+const char* name_of(LineKind kind) {
+  switch (kind) {
+    case LineKind::kPowerLine:
+      return "power_line";
+    case LineKind::kMinorPowerLine:
+      return "minor_power_line";
+    case LineKind::kAerialway:
+      return "aerialway";
+  }
+  HEDGEHOP_ASSERT(!"a kind of line without a name");
+  return "";
+}
+
+const char* name_of(ObstacleKind kind) {
+  switch (kind) {
+    case ObstacleKind::kMast:
+      return "mast";
+    case ObstacleKind::kTower:
+      return "tower";
+    case ObstacleKind::kChimney:
+      return "chimney";
+    case ObstacleKind::kWindTurbine:
+      return "wind_turbine";
+    case ObstacleKind::kStructure:
+      return "structure";
+    case ObstacleKind::kOther:
+      return "other";
+  }
+  HEDGEHOP_ASSERT(!"a kind of obstacle without a name");
+  return "";
+}
+
 Hash128 map_hash(const Map& map) {
   Hasher128 hasher;
-  update_text(hasher, "hedgehop map 1");
+  update_text(hasher, "hedgehop map 2");
   update(hasher, map.geometry.west_m);
   update(hasher, map.geometry.south_m);
   update(hasher, map.geometry.cell_m);
@@ -88,14 +134,44 @@ Hash128 map_hash(const Map& map) {
   update_heights(hasher, map.surface_m);
   update_bits(hasher, map.semantics);
   update_bits(hasher, map.visibility);
-  update(hasher, static_cast<std::uint64_t>(map.power_lines.size()));
-  for (const PowerLine& line : map.power_lines) {
+  update(hasher, static_cast<std::uint64_t>(map.overhead_lines.size()));
+  for (const OverheadLine& line : map.overhead_lines) {
     update(hasher, line.source_id);
-    update(hasher, static_cast<std::uint64_t>(line.poles.size()));
-    for (const PowerLine::Pole& pole : line.poles) {
-      update(hasher, pole.point.x_m);
-      update(hasher, pole.point.y_m);
-      update(hasher, pole.height_m);
+    update(hasher, static_cast<std::uint8_t>(line.kind));
+    update(hasher, static_cast<std::uint64_t>(line.supports.size()));
+    for (const OverheadLine::Support& support : line.supports) {
+      update(hasher, support.point);
+      update(hasher, support.height_m);
+      update(hasher, static_cast<std::uint8_t>(support.is_pole));
+    }
+  }
+  update(hasher, static_cast<std::uint64_t>(map.obstacles.size()));
+  for (const Obstacle& obstacle : map.obstacles) {
+    update(hasher, obstacle.source_id);
+    update(hasher, static_cast<std::uint8_t>(obstacle.kind));
+    update_text(hasher, obstacle.name);
+    update(hasher, obstacle.point);
+    update(hasher, obstacle.radius_m);
+    update(hasher, obstacle.height_m);
+    update(hasher,
+           std::isnan(obstacle.top_m) ? std::numeric_limits<double>::quiet_NaN() : obstacle.top_m);
+  }
+  update(hasher, static_cast<std::uint64_t>(map.areas.size()));
+  for (const Area& area : map.areas) {
+    update_text(hasher, area.name);
+    update_text(hasher, area.kind);
+    update(hasher, static_cast<std::uint8_t>(area.is_hard));
+    for (const AreaLimit& limit : {area.floor, area.ceiling}) {
+      update(hasher, limit.value_m);
+      update(hasher, static_cast<std::uint8_t>(limit.reference));
+    }
+    update(hasher, static_cast<std::uint64_t>(area.polygons.size()));
+    for (const Area::Polygon& polygon : area.polygons) {
+      update_ring(hasher, polygon.outer);
+      update(hasher, static_cast<std::uint64_t>(polygon.holes.size()));
+      for (const auto& hole : polygon.holes) {
+        update_ring(hasher, hole);
+      }
     }
   }
   update(hasher, static_cast<std::uint64_t>(map.attributions.size()));
@@ -150,8 +226,39 @@ void validate(const Map& map) {
       }
     }
   }
-  for (const PowerLine& line : map.power_lines) {
-    check(line.poles.size() >= 2, "a power line has fewer than two supports");
+  const auto is_place = [](const geo::MapPoint& point) {
+    return std::fabs(point.x_m) < 1e9 && std::fabs(point.y_m) < 1e9;  // false for NaN
+  };
+  const auto is_size = [](double value) { return value >= 0.0 && value < 1e6; };
+  for (const OverheadLine& line : map.overhead_lines) {
+    check(line.supports.size() >= 2, "an overhead line has fewer than two supports");
+    for (const OverheadLine::Support& support : line.supports) {
+      check(is_place(support.point) && is_size(support.height_m),
+            "a support of an overhead line has no place or height");
+    }
+  }
+  for (const Obstacle& obstacle : map.obstacles) {
+    check(is_place(obstacle.point) && is_size(obstacle.radius_m) && is_size(obstacle.height_m) &&
+              !std::isinf(obstacle.top_m),
+          "obstacle '" + obstacle.name + "' has no place, radius or height");
+  }
+  for (const Area& area : map.areas) {
+    const std::string who = "area '" + area.name + "' ";
+    check(!area.polygons.empty(), who + "has no polygon");
+    check(!std::isnan(area.floor.value_m) && !std::isnan(area.ceiling.value_m) &&
+              (area.floor.reference != area.ceiling.reference ||
+               area.floor.value_m <= area.ceiling.value_m),
+          who + "ends below its beginning");
+    const auto check_ring = [&](const std::vector<geo::MapPoint>& ring) {
+      check(ring.size() >= 4 && ring.front().x_m == ring.back().x_m &&
+                ring.front().y_m == ring.back().y_m,
+            who + "has a ring that is not closed");
+      check(std::all_of(ring.begin(), ring.end(), is_place), who + "has a corner without a place");
+    };
+    for (const Area::Polygon& polygon : area.polygons) {
+      check_ring(polygon.outer);
+      std::for_each(polygon.holes.begin(), polygon.holes.end(), check_ring);
+    }
   }
   check(map.hash == map_hash(map), "content does not match its hash " + map.hash.hex());
 }

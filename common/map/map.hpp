@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -26,6 +28,8 @@ enum class SemanticClass : std::uint16_t {
   kSettlementDesired = 1U << 9,   // 400 m
   kPowerLine = 1U << 10,          // a power line passes through the cell
   kWater = 1U << 11,
+  kPowerPole = 1U << 12,  // a tower or pole of a power line stands in the cell
+  kObstacle = 1U << 13,  // mast, tower, chimney, wind turbine, aerialway, entry of an obstacle file
   kVisibilityPartial = 1U << 14,  // part of the ground within the radius of visibility is unknown
   kUnmapped = 1U << 15,  // no land-use source covers the cell: unknown, costs as configured
 };
@@ -41,14 +45,74 @@ const std::vector<SemanticName>& semantic_names();
 inline constexpr std::uint16_t kVisibilityUnknown = 65535;
 inline constexpr double kVisibilityScale = 65534.0;
 
-/// An overhead line as a chain of supports.
-struct PowerLine {
-  struct Pole {
+enum class LineKind : std::uint8_t { kPowerLine, kMinorPowerLine, kAerialway };
+/// "power_line" and so on, as used in files.
+const char* name_of(LineKind kind);
+
+/// Wires above the ground as a chain of spans between supports.
+struct OverheadLine {
+  struct Support {
     geo::MapPoint point;
     double height_m = 0.0;  // above the terrain
+    // Mapped as a tower, pole or pylon; else a vertex of the line of which the source says nothing
+    // more. Both hold up the spans beside them.
+    bool is_pole = true;
   };
   std::int64_t source_id = 0;
-  std::vector<Pole> poles;  // at least 2
+  std::vector<Support> supports;  // at least 2
+  LineKind kind = LineKind::kPowerLine;
+};
+
+enum class ObstacleKind : std::uint8_t {
+  kMast,
+  kTower,
+  kChimney,
+  kWindTurbine,
+  kStructure,  // silo, tank, water tower, cooling tower
+  kOther,
+};
+/// "mast" and so on, as used in files.
+const char* name_of(ObstacleKind kind);
+
+/// Something thin and high: all that may stand in a vertical cylinder, from the ground up.
+struct Obstacle {
+  std::int64_t source_id = 0;  // of the object in its source, or the line of an obstacle file
+  ObstacleKind kind = ObstacleKind::kOther;
+  std::string name;  // may be empty
+  geo::MapPoint point;
+  double radius_m = 0.0;  // own extent, safety radius and error of the position
+  double height_m = 0.0;  // above the terrain, error of the height included
+  double top_m = 0.0;     // the same AMSL; NaN where the terrain is unknown and no source states it
+};
+
+/// Lower or upper end of an area.
+struct AreaLimit {
+  enum class Reference : std::uint8_t { kAmsl, kAboveGround };
+  double value_m = 0.0;  // -infinity: from the ground on and below; +infinity: without end
+  Reference reference = Reference::kAmsl;
+
+  /// Altitude over ground of this elevation [m AMSL]; NaN over unknown ground, unless it does not
+  /// matter.
+  [[nodiscard]] double altitude_m(double terrain_m) const {
+    return reference == Reference::kAmsl || std::isinf(value_m) ? value_m : terrain_m + value_m;
+  }
+  bool operator==(const AreaLimit&) const = default;
+};
+
+/// A volume that must not be entered (hard), or that costs (soft): polygons between two altitudes.
+/// Its sides and ends belong to it.
+struct Area {
+  /// Rings are closed (first point = last) and do not cross themselves.
+  struct Polygon {
+    std::vector<geo::MapPoint> outer;
+    std::vector<std::vector<geo::MapPoint>> holes;
+  };
+  std::string name;  // may be empty
+  std::string kind;  // class or type in its source, "P" or "CTR" for example
+  bool is_hard = true;
+  AreaLimit floor;
+  AreaLimit ceiling;
+  std::vector<Polygon> polygons;  // at least 1
 };
 
 /// Visibility at another height than the reference height; together they are the exposure volume.
@@ -70,7 +134,9 @@ struct Map {
   // At further heights, ascending, none twice and none at h_ref; empty in most maps.
   std::vector<VisibilityBand> further_visibility;
   double visibility_radius_m = 0.0;
-  std::vector<PowerLine> power_lines;
+  std::vector<OverheadLine> overhead_lines;
+  std::vector<Obstacle> obstacles;
+  std::vector<Area> areas;
   std::vector<std::string> attributions;  // travel with every product of the map
   std::string label;                      // "SYNTHETIC REGION" or empty: shown on every product
   Hash128 hash;                           // map_hash() of all of the above

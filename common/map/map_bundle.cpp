@@ -29,7 +29,7 @@ constexpr char kSchemaName[] = "hedgehop map";
 constexpr std::int64_t kSideCellsMax = 200'000;
 constexpr std::int64_t kCellsMax = 400'000'000;
 constexpr std::uintmax_t kManifestBytesMax = 64U << 20U;
-constexpr std::int64_t kPolesMax = 20'000'000;
+constexpr std::int64_t kFeaturesMax = 20'000'000;  // of one layer
 constexpr char kPrepareAgain[] = "prepare the map again";
 // Deflate cannot shrink by more than 1032; a file that claims more cells than that is damaged.
 constexpr double kDeflateRatioMax = 1100.0;
@@ -217,6 +217,152 @@ std::string text_of_height(double height_m) {
   return text.str();
 }
 
+// Fills the layers of features.gpkg; every refusal of GDAL is a SystemFailure.
+class FeatureWriter {
+ public:
+  FeatureWriter(GDALDataset& dataset, OGRSpatialReference* reference, const GdalErrors& errors,
+                const fs::path& file)
+      : dataset_(dataset), reference_(reference), errors_(errors), file_(file) {}
+
+  // Layers are made before anything is written into one of them.
+  OGRLayer& layer(const char* name, OGRwkbGeometryType type,
+                  std::initializer_list<std::pair<const char*, OGRFieldType>> fields) {
+    OGRLayer* layer = dataset_.CreateLayer(name, reference_, type, nullptr);
+    require_written(layer != nullptr, errors_, file_);
+    for (const auto& [field, field_type] : fields) {
+      OGRFieldDefn definition(field, field_type);
+      require_written(layer->CreateField(&definition) == OGRERR_NONE, errors_, file_);
+    }
+    require_written(dataset_.StartTransaction() == OGRERR_NONE, errors_, file_);
+    return *layer;
+  }
+  void add(OGRLayer& layer, OGRFeature& feature, OGRGeometry& geometry) {
+    feature.SetGeometry(&geometry);
+    require_written(layer.CreateFeature(&feature) == OGRERR_NONE, errors_, file_);
+  }
+  void commit() { require_written(dataset_.CommitTransaction() == OGRERR_NONE, errors_, file_); }
+
+ private:
+  GDALDataset& dataset_;
+  OGRSpatialReference* reference_;
+  const GdalErrors& errors_;
+  const fs::path& file_;
+};
+
+void write_overhead_lines(const Map& map, FeatureWriter& writer) {
+  OGRLayer& lines = writer.layer(
+      "overhead_lines", wkbLineString,
+      {{"line_number", OFTInteger64}, {"source_id", OFTInteger64}, {"kind", OFTString}});
+  for (std::size_t l = 0; l < map.overhead_lines.size(); ++l) {
+    const OverheadLine& line = map.overhead_lines[l];
+    OGRFeature feature(lines.GetLayerDefn());
+    feature.SetField("line_number", static_cast<GIntBig>(l));
+    feature.SetField("source_id", static_cast<GIntBig>(line.source_id));
+    feature.SetField("kind", name_of(line.kind));
+    OGRLineString geometry;
+    for (const OverheadLine::Support& support : line.supports) {
+      geometry.addPoint(support.point.x_m, support.point.y_m);
+    }
+    writer.add(lines, feature, geometry);
+  }
+  writer.commit();
+  OGRLayer& supports = writer.layer("line_supports", wkbPoint,
+                                    {{"line_number", OFTInteger64},
+                                     {"support_number", OFTInteger64},
+                                     {"source_id", OFTInteger64},
+                                     {"kind", OFTString},
+                                     {"height_m", OFTReal},
+                                     {"is_pole", OFTInteger}});
+  for (std::size_t l = 0; l < map.overhead_lines.size(); ++l) {
+    const OverheadLine& line = map.overhead_lines[l];
+    for (std::size_t i = 0; i < line.supports.size(); ++i) {
+      const OverheadLine::Support& support = line.supports[i];
+      OGRFeature feature(supports.GetLayerDefn());
+      feature.SetField("line_number", static_cast<GIntBig>(l));
+      feature.SetField("support_number", static_cast<GIntBig>(i));
+      feature.SetField("source_id", static_cast<GIntBig>(line.source_id));
+      feature.SetField("kind", name_of(line.kind));
+      feature.SetField("height_m", support.height_m);
+      feature.SetField("is_pole", support.is_pole ? 1 : 0);
+      OGRPoint point(support.point.x_m, support.point.y_m);
+      writer.add(supports, feature, point);
+    }
+  }
+  writer.commit();
+}
+
+void write_obstacles(const Map& map, FeatureWriter& writer) {
+  OGRLayer& layer = writer.layer("obstacles", wkbPoint,
+                                 {{"source_id", OFTInteger64},
+                                  {"kind", OFTString},
+                                  {"name", OFTString},
+                                  {"radius_m", OFTReal},
+                                  {"height_m", OFTReal},
+                                  {"top_m", OFTReal}});
+  for (const Obstacle& obstacle : map.obstacles) {
+    OGRFeature feature(layer.GetLayerDefn());
+    feature.SetField("source_id", static_cast<GIntBig>(obstacle.source_id));
+    feature.SetField("kind", name_of(obstacle.kind));
+    feature.SetField("name", obstacle.name.c_str());
+    feature.SetField("radius_m", obstacle.radius_m);
+    feature.SetField("height_m", obstacle.height_m);
+    if (!std::isnan(obstacle.top_m)) {
+      feature.SetField("top_m", obstacle.top_m);
+    }
+    OGRPoint point(obstacle.point.x_m, obstacle.point.y_m);
+    writer.add(layer, feature, point);
+  }
+  writer.commit();
+}
+
+constexpr char kAmsl[] = "amsl";
+constexpr char kAboveGround[] = "above_ground";
+
+void write_areas(const Map& map, FeatureWriter& writer) {
+  OGRLayer& layer = writer.layer("areas", wkbMultiPolygon,
+                                 {{"name", OFTString},
+                                  {"kind", OFTString},
+                                  {"is_hard", OFTInteger},
+                                  {"floor_m", OFTReal},
+                                  {"floor_reference", OFTString},
+                                  {"ceiling_m", OFTReal},
+                                  {"ceiling_reference", OFTString}});
+  const auto ring_of = [](const std::vector<geo::MapPoint>& points) {
+    auto ring = std::make_unique<OGRLinearRing>();
+    for (const geo::MapPoint& point : points) {
+      ring->addPoint(point.x_m, point.y_m);
+    }
+    return ring.release();
+  };
+  for (const Area& area : map.areas) {
+    OGRFeature feature(layer.GetLayerDefn());
+    feature.SetField("name", area.name.c_str());
+    feature.SetField("kind", area.kind.c_str());
+    feature.SetField("is_hard", area.is_hard ? 1 : 0);
+    const auto set_limit = [&](const char* value_field, const char* reference_field,
+                               const AreaLimit& limit) {
+      if (std::isfinite(limit.value_m)) {
+        feature.SetField(value_field, limit.value_m);
+      }
+      feature.SetField(reference_field,
+                       limit.reference == AreaLimit::Reference::kAmsl ? kAmsl : kAboveGround);
+    };
+    set_limit("floor_m", "floor_reference", area.floor);
+    set_limit("ceiling_m", "ceiling_reference", area.ceiling);
+    OGRMultiPolygon geometry;
+    for (const Area::Polygon& polygon : area.polygons) {
+      auto part = std::make_unique<OGRPolygon>();
+      part->addRingDirectly(ring_of(polygon.outer));
+      for (const auto& hole : polygon.holes) {
+        part->addRingDirectly(ring_of(hole));
+      }
+      geometry.addGeometryDirectly(part.release());
+    }
+    writer.add(layer, feature, geometry);
+  }
+  writer.commit();
+}
+
 void write_features(const Map& map, const fs::path& file) {
   const MemoryFile memory(file.filename().string());
   {
@@ -230,42 +376,10 @@ void write_features(const Map& map, const fs::path& file) {
     auto reference = spatial_reference(map.crs_wkt);
     OGRSpatialReference* srs = reference ? &*reference : nullptr;
 
-    OGRLayer* lines = dataset->CreateLayer("power_lines", srs, wkbLineString, nullptr);
-    OGRLayer* poles = dataset->CreateLayer("power_poles", srs, wkbPoint, nullptr);
-    require_written(lines != nullptr && poles != nullptr, errors, file);
-    OGRFieldDefn line_number("line_number", OFTInteger64);
-    OGRFieldDefn pole_number("pole_number", OFTInteger64);
-    OGRFieldDefn source_id("source_id", OFTInteger64);
-    OGRFieldDefn height_m("height_m", OFTReal);
-    for (OGRFieldDefn* field : {&line_number, &source_id}) {
-      require_written(lines->CreateField(field) == OGRERR_NONE, errors, file);
-    }
-    for (OGRFieldDefn* field : {&line_number, &pole_number, &source_id, &height_m}) {
-      require_written(poles->CreateField(field) == OGRERR_NONE, errors, file);
-    }
-    require_written(dataset->StartTransaction() == OGRERR_NONE, errors, file);
-    for (std::size_t l = 0; l < map.power_lines.size(); ++l) {
-      const PowerLine& line = map.power_lines[l];
-      OGRFeature line_feature(lines->GetLayerDefn());
-      line_feature.SetField("line_number", static_cast<GIntBig>(l));
-      line_feature.SetField("source_id", static_cast<GIntBig>(line.source_id));
-      OGRLineString geometry;
-      for (std::size_t p = 0; p < line.poles.size(); ++p) {
-        const PowerLine::Pole& pole = line.poles[p];
-        geometry.addPoint(pole.point.x_m, pole.point.y_m);
-        OGRFeature pole_feature(poles->GetLayerDefn());
-        pole_feature.SetField("line_number", static_cast<GIntBig>(l));
-        pole_feature.SetField("pole_number", static_cast<GIntBig>(p));
-        pole_feature.SetField("source_id", static_cast<GIntBig>(line.source_id));
-        pole_feature.SetField("height_m", pole.height_m);
-        OGRPoint point(pole.point.x_m, pole.point.y_m);
-        pole_feature.SetGeometry(&point);
-        require_written(poles->CreateFeature(&pole_feature) == OGRERR_NONE, errors, file);
-      }
-      line_feature.SetGeometry(&geometry);
-      require_written(lines->CreateFeature(&line_feature) == OGRERR_NONE, errors, file);
-    }
-    require_written(dataset->CommitTransaction() == OGRERR_NONE, errors, file);
+    FeatureWriter writer(*dataset, srs, errors, file);
+    write_overhead_lines(map, writer);
+    write_obstacles(map, writer);
+    write_areas(map, writer);
     dataset->FlushCache(true);
     dataset.reset();
     require_written(true, errors, file);
@@ -342,7 +456,7 @@ Json manifest_of(const Map& map, const std::string& provenance_json) {
       {"visibility",
        "visibility.tif: uint16, share of the surroundings that sees a point at reference height x "
        "65534, 65535 unknown; further bands for the further heights"},
-      {"features", "features.gpkg: power_lines, power_poles"}};
+      {"features", "features.gpkg: overhead_lines, line_supports, obstacles, areas"}};
   Json bits = Json::object();
   for (const SemanticName& name : semantic_names()) {
     bits[std::string(name.name)] = static_cast<std::uint16_t>(name.bit);
@@ -354,7 +468,9 @@ Json manifest_of(const Map& map, const std::string& provenance_json) {
   manifest["unmapped_count"] = count_of<std::uint16_t>(map.semantics, [](std::uint16_t v) {
     return (v & static_cast<std::uint16_t>(SemanticClass::kUnmapped)) != 0;
   });
-  manifest["power_line_count"] = map.power_lines.size();
+  manifest["overhead_line_count"] = map.overhead_lines.size();
+  manifest["obstacle_count"] = map.obstacles.size();
+  manifest["area_count"] = map.areas.size();
   manifest["attributions"] = map.attributions;
 
   const Json provenance = Json::parse(provenance_json, nullptr, false);
@@ -528,7 +644,173 @@ raster::Grid<T> read_layer(const raster::GridGeometry& geometry, const fs::path&
   return std::move(read_bands<T>(geometry, 1, file).front());
 }
 
-std::vector<PowerLine> read_features(const fs::path& file) {
+// One layer of features.gpkg, whose content is hostile until checked.
+class FeatureReader {
+ public:
+  FeatureReader(GDALDataset& dataset, const char* name, const fs::path& file)
+      : name_(name), file_(file), layer_(dataset.GetLayerByName(name)) {
+    if (layer_ == nullptr) {
+      throw DataError(file.string() + ": has no layer " + name, kPrepareAgain);
+    }
+  }
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw DataError(file_.string() + ": layer " + name_ + " " + why, kPrepareAgain);
+  }
+  [[nodiscard]] OGRLayer& layer() const { return *layer_; }
+  [[nodiscard]] int field(const char* name) const {
+    const int index = layer_->GetLayerDefn()->GetFieldIndex(name);
+    if (index < 0) {
+      refuse("lacks the column " + std::string(name));
+    }
+    return index;
+  }
+  [[nodiscard]] geo::MapPoint point_of(const OGRFeature& feature) const {
+    const OGRGeometry* geometry = feature.GetGeometryRef();
+    if (geometry == nullptr || wkbFlatten(geometry->getGeometryType()) != wkbPoint) {
+      refuse("holds something that is no point");
+    }
+    return {geometry->toPoint()->getX(), geometry->toPoint()->getY()};
+  }
+  template <typename Kind>
+  [[nodiscard]] Kind kind_of(const OGRFeature& feature, int field,
+                             std::initializer_list<Kind> kinds) const {
+    const std::string_view text = feature.GetFieldAsString(field);
+    for (const Kind kind : kinds) {
+      if (text == name_of(kind)) {
+        return kind;
+      }
+    }
+    refuse("holds the unknown kind '" + std::string(text) + "'");
+  }
+  void count() {
+    if (++count_ > kFeaturesMax) {
+      refuse("holds too much");
+    }
+  }
+
+ private:
+  const char* name_;
+  const fs::path& file_;
+  OGRLayer* layer_;
+  std::int64_t count_ = 0;
+};
+
+std::vector<OverheadLine> read_overhead_lines(GDALDataset& dataset, const fs::path& file) {
+  FeatureReader reader(dataset, "line_supports", file);
+  const int line_field = reader.field("line_number");
+  const int support_field = reader.field("support_number");
+  const int source_field = reader.field("source_id");
+  const int kind_field = reader.field("kind");
+  const int height_field = reader.field("height_m");
+  const int pole_field = reader.field("is_pole");
+  std::vector<OverheadLine> lines;
+  for (const auto& feature : reader.layer()) {
+    reader.count();
+    const std::int64_t line = feature->GetFieldAsInteger64(line_field);
+    const std::int64_t support = feature->GetFieldAsInteger64(support_field);
+    if (support == 0 && line == static_cast<std::int64_t>(lines.size())) {
+      lines.push_back({feature->GetFieldAsInteger64(source_field),
+                       {},
+                       reader.kind_of(*feature, kind_field,
+                                      {LineKind::kPowerLine, LineKind::kMinorPowerLine,
+                                       LineKind::kAerialway})});
+    }
+    if (lines.empty() || line != static_cast<std::int64_t>(lines.size()) - 1 ||
+        support != static_cast<std::int64_t>(lines.back().supports.size())) {
+      reader.refuse("is not in the order of its numbers");
+    }
+    lines.back().supports.push_back({reader.point_of(*feature),
+                                     feature->GetFieldAsDouble(height_field),
+                                     feature->GetFieldAsInteger(pole_field) != 0});
+  }
+  return lines;
+}
+
+std::vector<Obstacle> read_obstacles(GDALDataset& dataset, const fs::path& file) {
+  FeatureReader reader(dataset, "obstacles", file);
+  const int source_field = reader.field("source_id");
+  const int kind_field = reader.field("kind");
+  const int name_field = reader.field("name");
+  const int radius_field = reader.field("radius_m");
+  const int height_field = reader.field("height_m");
+  const int top_field = reader.field("top_m");
+  std::vector<Obstacle> obstacles;
+  for (const auto& feature : reader.layer()) {
+    reader.count();
+    Obstacle obstacle;
+    obstacle.source_id = feature->GetFieldAsInteger64(source_field);
+    obstacle.kind = reader.kind_of(
+        *feature, kind_field,
+        {ObstacleKind::kMast, ObstacleKind::kTower, ObstacleKind::kChimney,
+         ObstacleKind::kWindTurbine, ObstacleKind::kStructure, ObstacleKind::kOther});
+    obstacle.name = feature->GetFieldAsString(name_field);
+    obstacle.point = reader.point_of(*feature);
+    obstacle.radius_m = feature->GetFieldAsDouble(radius_field);
+    obstacle.height_m = feature->GetFieldAsDouble(height_field);
+    obstacle.top_m = feature->IsFieldSetAndNotNull(top_field)
+                         ? feature->GetFieldAsDouble(top_field)
+                         : std::numeric_limits<double>::quiet_NaN();
+    obstacles.push_back(std::move(obstacle));
+  }
+  return obstacles;
+}
+
+std::vector<Area> read_areas(GDALDataset& dataset, const fs::path& file) {
+  FeatureReader reader(dataset, "areas", file);
+  const int name_field = reader.field("name");
+  const int kind_field = reader.field("kind");
+  const int hard_field = reader.field("is_hard");
+  const auto limit_of = [&](const OGRFeature& feature, const std::string& name, double none_m) {
+    const int value_field = reader.field((name + "_m").c_str());
+    const std::string_view reference =
+        feature.GetFieldAsString(reader.field((name + "_reference").c_str()));
+    if (reference != kAmsl && reference != kAboveGround) {
+      reader.refuse("holds the unknown reference '" + std::string(reference) + "'");
+    }
+    return AreaLimit{
+        feature.IsFieldSetAndNotNull(value_field) ? feature.GetFieldAsDouble(value_field) : none_m,
+        reference == kAmsl ? AreaLimit::Reference::kAmsl : AreaLimit::Reference::kAboveGround};
+  };
+  const auto ring_of = [](const OGRLinearRing& ring) {
+    std::vector<geo::MapPoint> points;
+    for (int i = 0; i < ring.getNumPoints(); ++i) {
+      points.push_back({ring.getX(i), ring.getY(i)});
+    }
+    return points;
+  };
+  constexpr double kWithoutEnd_m = std::numeric_limits<double>::infinity();
+  std::vector<Area> areas;
+  for (const auto& feature : reader.layer()) {
+    reader.count();
+    Area area;
+    area.name = feature->GetFieldAsString(name_field);
+    area.kind = feature->GetFieldAsString(kind_field);
+    area.is_hard = feature->GetFieldAsInteger(hard_field) != 0;
+    area.floor = limit_of(*feature, "floor", -kWithoutEnd_m);
+    area.ceiling = limit_of(*feature, "ceiling", kWithoutEnd_m);
+    const OGRGeometry* geometry = feature->GetGeometryRef();
+    if (geometry == nullptr || wkbFlatten(geometry->getGeometryType()) != wkbMultiPolygon) {
+      reader.refuse("holds something that is no set of polygons");
+    }
+    for (const OGRPolygon* part : *geometry->toMultiPolygon()) {
+      Area::Polygon polygon;
+      bool is_outer = true;
+      for (const OGRLinearRing* ring : *part) {
+        if (is_outer) {
+          polygon.outer = ring_of(*ring);
+        } else {
+          polygon.holes.push_back(ring_of(*ring));
+        }
+        is_outer = false;
+      }
+      area.polygons.push_back(std::move(polygon));
+    }
+    areas.push_back(std::move(area));
+  }
+  return areas;
+}
+
+void read_features(const fs::path& file, Map& map) {
   const auto refuse = [&](const std::string& why) {
     throw DataError(file.string() + ": " + why, kPrepareAgain);
   };
@@ -544,46 +826,12 @@ std::vector<PowerLine> read_features(const fs::path& file) {
   if (!dataset) {
     refuse("is not a GeoPackage: " + errors.first());
   }
-  OGRLayer* layer = dataset->GetLayerByName("power_poles");
-  if (layer == nullptr) {
-    refuse("has no layer power_poles");
-  }
-  const OGRFeatureDefn* fields = layer->GetLayerDefn();
-  const int line_field = fields->GetFieldIndex("line_number");
-  const int pole_field = fields->GetFieldIndex("pole_number");
-  const int source_field = fields->GetFieldIndex("source_id");
-  const int height_field = fields->GetFieldIndex("height_m");
-  if (line_field < 0 || pole_field < 0 || source_field < 0 || height_field < 0) {
-    refuse("layer power_poles lacks a column");
-  }
-  std::vector<PowerLine> lines;
-  std::int64_t pole_count = 0;
-  for (const auto& feature : *layer) {
-    const std::int64_t line = feature->GetFieldAsInteger64(line_field);
-    const std::int64_t pole = feature->GetFieldAsInteger64(pole_field);
-    if (pole == 0 && line == static_cast<std::int64_t>(lines.size())) {
-      lines.push_back({feature->GetFieldAsInteger64(source_field), {}});
-    }
-    if (lines.empty() || line != static_cast<std::int64_t>(lines.size()) - 1 ||
-        pole != static_cast<std::int64_t>(lines.back().poles.size()) || ++pole_count > kPolesMax) {
-      refuse("layer power_poles is not in the order of its numbers");
-    }
-    const OGRGeometry* geometry = feature->GetGeometryRef();
-    const double height_m = feature->GetFieldAsDouble(height_field);
-    if (geometry == nullptr || wkbFlatten(geometry->getGeometryType()) != wkbPoint ||
-        !std::isfinite(height_m)) {
-      refuse("layer power_poles holds something that is no pole");
-    }
-    const OGRPoint* point = geometry->toPoint();
-    if (!std::isfinite(point->getX()) || !std::isfinite(point->getY())) {
-      refuse("layer power_poles holds a pole without a place");
-    }
-    lines.back().poles.push_back({{point->getX(), point->getY()}, height_m});
-  }
+  map.overhead_lines = read_overhead_lines(*dataset, file);
+  map.obstacles = read_obstacles(*dataset, file);
+  map.areas = read_areas(*dataset, file);
   if (!errors.first().empty()) {
     refuse("cannot be read: " + errors.first());
   }
-  return lines;
 }
 
 // Drivers are registered once for each process, whoever comes first; GDAL guards it.
@@ -696,7 +944,7 @@ Map read_map_bundle(const fs::path& folder) {
   for (std::size_t i = 0; i < heights_m.size(); ++i) {
     map.further_visibility.push_back({heights_m[i], std::move(shares[i + 1])});
   }
-  map.power_lines = read_features(folder / "features.gpkg");
+  read_features(folder / "features.gpkg", map);
   try {
     validate(map);
   } catch (const DataError& error) {

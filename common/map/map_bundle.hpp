@@ -9,7 +9,7 @@
 
 namespace hedgehop::map {
 
-inline constexpr int kMapSchemaVersion = 1;
+inline constexpr int kMapSchemaVersion = 2;
 inline constexpr char kMapManifestFile[] = "manifest.json";
 
 /// Writes manifest.json, terrain.tif, surface.tif, semantics.tif, visibility.tif and features.gpkg

@@ -20,6 +20,38 @@ Json number_or_null(double value, double step) {
   return std::isnan(value) ? Json(nullptr) : Json(std::round(value / step) * step);
 }
 
+// What stands in features.gpkg, in the order of print; aerialways, spans and poles only if there
+// are any.
+std::vector<std::pair<std::string, std::int64_t>> counts_of_features(const Map& map) {
+  std::vector<std::pair<std::string, std::int64_t>> counts;
+  std::int64_t poles = 0;
+  std::int64_t spans = 0;
+  for (const OverheadLine& line : map.overhead_lines) {
+    spans += static_cast<std::int64_t>(line.supports.size()) - 1;
+    poles += std::count_if(line.supports.begin(), line.supports.end(),
+                           [](const OverheadLine::Support& support) { return support.is_pole; });
+  }
+  const auto lines_of = [&](LineKind kind) {
+    return std::count_if(map.overhead_lines.begin(), map.overhead_lines.end(),
+                         [&](const OverheadLine& line) { return line.kind == kind; });
+  };
+  counts.emplace_back("power lines",
+                      lines_of(LineKind::kPowerLine) + lines_of(LineKind::kMinorPowerLine));
+  if (const auto count = lines_of(LineKind::kAerialway); count > 0) {
+    counts.emplace_back("aerialways", count);
+  }
+  if (!map.overhead_lines.empty()) {
+    counts.emplace_back("spans", spans);
+    counts.emplace_back("poles", poles);
+  }
+  counts.emplace_back("obstacles", static_cast<std::int64_t>(map.obstacles.size()));
+  const auto hard =
+      std::count_if(map.areas.begin(), map.areas.end(), [](const Area& a) { return a.is_hard; });
+  counts.emplace_back("no-fly areas", hard);
+  counts.emplace_back("avoid areas", static_cast<std::int64_t>(map.areas.size()) - hard);
+  return counts;
+}
+
 Json statistics_of(const Map& map) {
   double lowest_m = std::numeric_limits<double>::infinity();
   double highest_m = -lowest_m;
@@ -62,6 +94,14 @@ Json statistics_of(const Map& map) {
     shares[std::string(name.name)] = number_or_null(static_cast<double>(count) / cells, 1e-6);
   }
   statistics["class_shares"] = std::move(shares);
+  Json features = Json::object();
+  for (const auto& [what, count] : counts_of_features(map)) {
+    std::string key = what;
+    std::replace_if(
+        key.begin(), key.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
+    features[key] = count;
+  }
+  statistics["features"] = std::move(features);
   return statistics;
 }
 
@@ -217,7 +257,9 @@ std::string map_description_text(const Map& map, const std::string& manifest_jso
       line(("  " + std::string(name.name)).c_str(), percent(share));
     }
   }
-  line("power lines", std::to_string(map.power_lines.size()));
+  for (const auto& [what, count] : counts_of_features(map)) {
+    line(what.c_str(), std::to_string(count));
+  }
   if (manifest.contains("guessed_height_share")) {
     line("guessed heights", percent(manifest["guessed_height_share"]) + " of all objects");
   }

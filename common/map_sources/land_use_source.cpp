@@ -80,6 +80,32 @@ std::optional<ObjectClass> class_of_node(const osmium::TagList& tags) {
   return std::nullopt;
 }
 
+StructureKind structure_kind_of(const osmium::TagList& tags) {
+  if (is_one_of(tags.get_value_by_key("generator:source"), {"wind"})) {
+    return StructureKind::kWindTurbine;
+  }
+  const char* man_made = tags.get_value_by_key("man_made");
+  if (is_one_of(man_made, {"mast"})) {
+    return StructureKind::kMast;
+  }
+  if (is_one_of(man_made, {"tower", "communications_tower"})) {
+    return StructureKind::kTower;
+  }
+  if (is_one_of(man_made, {"chimney"})) {
+    return StructureKind::kChimney;
+  }
+  return StructureKind::kStructure;
+}
+
+bool is_aerialway(const char* value) {
+  return is_one_of(value, {"cable_car", "gondola", "mixed_lift", "chair_lift", "goods", "zip_line",
+                           "drag_lift", "t-bar", "j-bar", "platter", "rope_tow", "yes"});
+}
+
+bool is_low_aerialway(const char* value) {
+  return is_one_of(value, {"drag_lift", "t-bar", "j-bar", "platter", "rope_tow"});
+}
+
 // What the assembler has to look at.
 osmium::TagsFilter area_filter() {
   osmium::TagsFilter filter{false};
@@ -129,7 +155,9 @@ class Collector {
       return;
     }
     if (is_one_of(node.tags().get_value_by_key("power"),
-                  {"tower", "pole", "portal", "catenary_mast"})) {
+                  {"tower", "pole", "portal", "catenary_mast"}) ||
+        is_one_of(node.tags().get_value_by_key("aerialway"), {"pylon", "station"})) {
+      poles_.insert(node.id());
       const auto height_m = height_of(node.tags());
       if (height_m) {
         support_heights_m_[node.id()] = *height_m;
@@ -139,16 +167,28 @@ class Collector {
     Box box;
     box.add(node.location());
     if (object_class && box.touches(region_) && seen_nodes_.insert(node.id()).second) {
-      land_use_.lines.push_back(
-          {*object_class, node.id(), height_of(node.tags()), {to_map(node.location())}});
+      LineObject object{
+          *object_class, node.id(), height_of(node.tags()), {to_map(node.location())}};
+      if (*object_class == ObjectClass::kStructure) {
+        object.structure_kind = structure_kind_of(node.tags());
+        const char* diameter = node.tags().get_value_by_key("rotor:diameter");
+        if (const auto diameter_m = diameter ? height_in_text_m(diameter) : std::nullopt) {
+          object.radius_m = 0.5 * *diameter_m;
+        }
+      }
+      land_use_.lines.push_back(std::move(object));
     }
   }
 
   void way(const osmium::Way& way) {
     const bool is_row = is_one_of(way.tags().get_value_by_key("natural"), {"tree_row"});
     const char* power = way.tags().get_value_by_key("power");
-    const bool is_power_line = is_one_of(power, {"line", "minor_line"});
-    if (!is_row && !is_power_line) {
+    const char* aerialway = way.tags().get_value_by_key("aerialway");
+    const bool is_overhead_line =
+        (is_one_of(power, {"line", "minor_line"}) &&
+         !is_one_of(way.tags().get_value_by_key("location"), {"underground", "underwater"})) ||
+        is_aerialway(aerialway);
+    if (!is_row && !is_overhead_line) {
       if (!way.nodes().empty() && !way.tags().empty() &&
           std::any_of(way.nodes().begin(), way.nodes().end(),
                       [](const osmium::NodeRef& ref) { return !ref.location().valid(); }) &&
@@ -185,13 +225,18 @@ class Collector {
         }
         land_use_.lines.push_back(std::move(row));
       }
-      if (is_power_line && piece.size() >= 2) {
+      if (is_overhead_line && piece.size() >= 2) {
         PowerLineObject line{way.id(), is_one_of(power, {"minor_line"}), {}};
+        if (is_aerialway(aerialway)) {
+          line.is_aerialway = true;
+          line.is_minor = is_low_aerialway(aerialway);
+        }
         for (const osmium::NodeRef* ref : piece) {
           const auto tagged = support_heights_m_.find(ref->ref());
-          line.supports.push_back({to_map(ref->location()), tagged != support_heights_m_.end()
-                                                                ? std::optional(tagged->second)
-                                                                : height_m});
+          line.supports.push_back(
+              {to_map(ref->location()),
+               tagged != support_heights_m_.end() ? std::optional(tagged->second) : height_m,
+               poles_.contains(ref->ref())});
         }
         land_use_.power_lines.push_back(std::move(line));
       }
@@ -222,6 +267,7 @@ class Collector {
     AreaObject object;
     object.object_class = *object_class;
     object.source_id = area.id();
+    object.structure_kind = structure_kind_of(area.tags());
     object.height_m = height_of(area.tags());
     const char* levels = area.tags().get_value_by_key("building:levels");
     if (levels != nullptr) {
@@ -290,6 +336,7 @@ class Collector {
   Box region_;
   Box nodes_box_;
   std::unordered_map<osmium::object_id_type, double> support_heights_m_;
+  std::unordered_set<osmium::object_id_type> poles_;
   std::unordered_set<osmium::object_id_type> seen_nodes_;
   std::unordered_set<osmium::object_id_type> seen_lines_;
   std::unordered_set<osmium::object_id_type> seen_areas_;

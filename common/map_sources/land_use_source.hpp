@@ -23,6 +23,9 @@ enum class ObjectClass {
 };
 inline constexpr std::size_t kObjectClassCount = 6;
 
+/// What a structure is, as far as its source says.
+enum class StructureKind { kMast, kTower, kChimney, kWindTurbine, kStructure, kOther };
+
 using MapLine = std::vector<geo::MapPoint>;
 
 /// One outer ring with its holes; rings are closed (first point = last).
@@ -37,7 +40,8 @@ struct AreaObject {
   std::optional<double> height_m;  // as tagged
   std::optional<double> levels;    // storeys as tagged
   std::vector<MapPolygon> polygons;
-  std::optional<double> default_height_m = std::nullopt;  // in place of the default of its class
+  std::optional<double> default_height_m = std::nullopt;     // in place of the default of its class
+  StructureKind structure_kind = StructureKind::kStructure;  // if object_class is kStructure
 };
 
 /// A point (one vertex) or a line.
@@ -47,17 +51,21 @@ struct LineObject {
   std::optional<double> height_m;
   MapLine vertices;
   std::optional<double> default_height_m = std::nullopt;
+  StructureKind structure_kind = StructureKind::kStructure;  // if object_class is kStructure
+  std::optional<double> radius_m = std::nullopt;             // of a rotor, as tagged
 };
 
 struct PowerLineObject {
   struct Support {
     geo::MapPoint point;
     std::optional<double> height_m;  // of the pole, else of the line
+    bool is_pole = false;            // mapped as a tower, pole or pylon
   };
   std::int64_t source_id = 0;
-  bool is_minor = false;
+  bool is_minor = false;          // a low one: minor power line, drag lift
   std::vector<Support> supports;  // in the order of the line, at least 2
   std::optional<double> default_height_m = std::nullopt;
+  bool is_aerialway = false;
 };
 
 /// What stands and lies on the ground, in the map frame.
@@ -81,7 +89,10 @@ struct LandUse {
 /// Structures: man_made mast, tower, chimney, communications_tower, water_tower, silo and wind
 /// turbines. Built-up areas: landuse residential, commercial, industrial, retail, garages,
 /// farmyard, institutional, construction, education. Water: natural=water, landuse reservoir and
-/// basin, waterway=riverbank. Power lines: power=line, minor_line, every node a support.
+/// basin, waterway=riverbank. Power lines: power=line, minor_line, unless location says that they
+/// lie underground or under water; aerialways: all but magic carpets. Every node of them holds up
+/// the spans beside it; those tagged as towers, poles, portals or pylons are marked. A wind turbine
+/// brings the radius of its rotor (rotor:diameter).
 /// Multipolygons are assembled, also those whose tags stand on their outer ways. An object that
 /// several files hold counts once. Only objects that touch `region` are kept.
 ///

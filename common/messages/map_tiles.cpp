@@ -1,6 +1,7 @@
 #include "messages/map_tiles.hpp"
 
 #include <bit>
+#include <cmath>
 #include <cstring>
 
 #include "base/errors.hpp"
@@ -98,6 +99,171 @@ void with_layer(MapType& map, MapLayer layer, const Use& use) {
       return use(map.visibility);
   }
   HEDGEHOP_ASSERT(!"a map layer without a raster");
+}
+
+std::int32_t count_of(std::size_t size) { return static_cast<std::int32_t>(size); }
+
+void put_overhead_lines(const std::vector<map::OverheadLine>& lines, map_features_t& message) {
+  message.num_overhead_lines = count_of(lines.size());
+  for (const map::OverheadLine& line : lines) {
+    message.overhead_line_source_id.push_back(line.source_id);
+    message.overhead_line_kind.push_back(static_cast<std::int8_t>(line.kind));
+    message.overhead_line_support_count.push_back(count_of(line.supports.size()));
+    for (const map::OverheadLine::Support& support : line.supports) {
+      message.support_x_m.push_back(support.point.x_m);
+      message.support_y_m.push_back(support.point.y_m);
+      message.support_height_m.push_back(support.height_m);
+      message.support_is_pole.push_back(support.is_pole ? 1 : 0);
+    }
+  }
+  message.num_supports = count_of(message.support_x_m.size());
+}
+
+std::vector<map::OverheadLine> overhead_lines_in(const wire::Check& check,
+                                                 const map_features_t& message) {
+  static_assert(map_features_t::OVERHEAD_LINE_KIND_AERIALWAY ==
+                static_cast<std::int8_t>(map::LineKind::kAerialway));
+  std::vector<map::OverheadLine> lines;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < message.overhead_line_source_id.size(); ++i) {
+    map::OverheadLine& line = lines.emplace_back();
+    line.source_id = message.overhead_line_source_id[i];
+    line.kind = static_cast<map::LineKind>(
+        check.within<std::int8_t>("overhead_line_kind", message.overhead_line_kind[i], 0,
+                                  map_features_t::OVERHEAD_LINE_KIND_AERIALWAY));
+    const auto end =
+        next + static_cast<std::size_t>(check.within<std::int64_t>(
+                   "overhead_line_support_count", message.overhead_line_support_count[i], 2,
+                   message.num_supports - static_cast<std::int64_t>(next)));
+    for (; next < end; ++next) {
+      line.supports.push_back(
+          {{check.finite("support_x_m", message.support_x_m[next]),
+            check.finite("support_y_m", message.support_y_m[next])},
+           check.not_negative("support_height_m", message.support_height_m[next]),
+           check.boolean("support_is_pole", message.support_is_pole[next])});
+    }
+  }
+  check.within<std::int64_t>("num_supports", message.num_supports, static_cast<std::int64_t>(next),
+                             static_cast<std::int64_t>(next));
+  return lines;
+}
+
+void put_obstacles(const std::vector<map::Obstacle>& obstacles, map_features_t& message) {
+  message.num_obstacles = count_of(obstacles.size());
+  for (const map::Obstacle& obstacle : obstacles) {
+    message.obstacle_source_id.push_back(obstacle.source_id);
+    message.obstacle_kind.push_back(static_cast<std::int8_t>(obstacle.kind));
+    message.obstacle_name.push_back(obstacle.name);
+    message.obstacle_x_m.push_back(obstacle.point.x_m);
+    message.obstacle_y_m.push_back(obstacle.point.y_m);
+    message.obstacle_radius_m.push_back(obstacle.radius_m);
+    message.obstacle_height_m.push_back(obstacle.height_m);
+    message.obstacle_top_m.push_back(obstacle.top_m);
+  }
+}
+
+std::vector<map::Obstacle> obstacles_in(const wire::Check& check, const map_features_t& message) {
+  static_assert(map_features_t::OBSTACLE_KIND_OTHER ==
+                static_cast<std::int8_t>(map::ObstacleKind::kOther));
+  std::vector<map::Obstacle> obstacles;
+  for (std::size_t i = 0; i < message.obstacle_source_id.size(); ++i) {
+    map::Obstacle& obstacle = obstacles.emplace_back();
+    obstacle.source_id = message.obstacle_source_id[i];
+    obstacle.kind = static_cast<map::ObstacleKind>(check.within<std::int8_t>(
+        "obstacle_kind", message.obstacle_kind[i], 0, map_features_t::OBSTACLE_KIND_OTHER));
+    obstacle.name = check.text("obstacle_name", message.obstacle_name[i], kLineBytesMax);
+    obstacle.point = {check.finite("obstacle_x_m", message.obstacle_x_m[i]),
+                      check.finite("obstacle_y_m", message.obstacle_y_m[i])};
+    obstacle.radius_m = check.not_negative("obstacle_radius_m", message.obstacle_radius_m[i]);
+    obstacle.height_m = check.not_negative("obstacle_height_m", message.obstacle_height_m[i]);
+    obstacle.top_m = check.finite_or_nan("obstacle_top_m", message.obstacle_top_m[i]);
+  }
+  return obstacles;
+}
+
+void put_areas(const std::vector<map::Area>& areas, map_features_t& message) {
+  message.num_areas = count_of(areas.size());
+  const auto is_above_ground = [](const map::AreaLimit& limit) -> std::int8_t {
+    return limit.reference == map::AreaLimit::Reference::kAboveGround ? 1 : 0;
+  };
+  const auto put_ring = [&](const std::vector<geo::MapPoint>& ring, bool is_hole) {
+    message.ring_is_hole.push_back(is_hole ? 1 : 0);
+    message.ring_corner_count.push_back(count_of(ring.size()));
+    for (const geo::MapPoint& corner : ring) {
+      message.corner_x_m.push_back(corner.x_m);
+      message.corner_y_m.push_back(corner.y_m);
+    }
+  };
+  for (const map::Area& area : areas) {
+    message.area_name.push_back(area.name);
+    message.area_kind.push_back(area.kind);
+    message.area_is_hard.push_back(area.is_hard ? 1 : 0);
+    message.area_floor_m.push_back(area.floor.value_m);
+    message.area_floor_is_above_ground.push_back(is_above_ground(area.floor));
+    message.area_ceiling_m.push_back(area.ceiling.value_m);
+    message.area_ceiling_is_above_ground.push_back(is_above_ground(area.ceiling));
+    const std::size_t rings_before = message.ring_is_hole.size();
+    for (const map::Area::Polygon& polygon : area.polygons) {
+      put_ring(polygon.outer, false);
+      for (const auto& hole : polygon.holes) {
+        put_ring(hole, true);
+      }
+    }
+    message.area_ring_count.push_back(count_of(message.ring_is_hole.size() - rings_before));
+  }
+  message.num_rings = count_of(message.ring_is_hole.size());
+  message.num_corners = count_of(message.corner_x_m.size());
+}
+
+std::vector<map::Area> areas_in(const wire::Check& check, const map_features_t& message) {
+  const auto limit = [&](const char* field, double value_m, std::int8_t is_above_ground) {
+    if (std::isnan(value_m)) {
+      check.refuse(field, value_m, "be a number");
+    }
+    return map::AreaLimit{value_m, check.boolean(field, is_above_ground)
+                                       ? map::AreaLimit::Reference::kAboveGround
+                                       : map::AreaLimit::Reference::kAmsl};
+  };
+  std::vector<map::Area> areas;
+  std::size_t next_ring = 0;
+  std::size_t next_corner = 0;
+  for (std::size_t i = 0; i < message.area_name.size(); ++i) {
+    map::Area& area = areas.emplace_back();
+    area.name = check.text("area_name", message.area_name[i], kLineBytesMax);
+    area.kind = check.text("area_kind", message.area_kind[i], kLineBytesMax);
+    area.is_hard = check.boolean("area_is_hard", message.area_is_hard[i]);
+    area.floor =
+        limit("area_floor_m", message.area_floor_m[i], message.area_floor_is_above_ground[i]);
+    area.ceiling =
+        limit("area_ceiling_m", message.area_ceiling_m[i], message.area_ceiling_is_above_ground[i]);
+    const auto rings_end =
+        next_ring + static_cast<std::size_t>(check.within<std::int64_t>(
+                        "area_ring_count", message.area_ring_count[i], 1,
+                        message.num_rings - static_cast<std::int64_t>(next_ring)));
+    for (; next_ring < rings_end; ++next_ring) {
+      const bool is_hole = check.boolean("ring_is_hole", message.ring_is_hole[next_ring]);
+      if (is_hole && area.polygons.empty()) {
+        check.refuse("an area begins with a hole");
+      }
+      auto& ring =
+          is_hole ? area.polygons.back().holes.emplace_back() : area.polygons.emplace_back().outer;
+      const auto corners_end =
+          next_corner + static_cast<std::size_t>(check.within<std::int64_t>(
+                            "ring_corner_count", message.ring_corner_count[next_ring], 4,
+                            message.num_corners - static_cast<std::int64_t>(next_corner)));
+      for (; next_corner < corners_end; ++next_corner) {
+        ring.push_back({check.finite("corner_x_m", message.corner_x_m[next_corner]),
+                        check.finite("corner_y_m", message.corner_y_m[next_corner])});
+      }
+    }
+  }
+  const auto must_be = [&](const char* field, std::int64_t value, std::size_t wanted) {
+    check.within<std::int64_t>(field, value, static_cast<std::int64_t>(wanted),
+                               static_cast<std::int64_t>(wanted));
+  };
+  must_be("num_rings", message.num_rings, next_ring);
+  must_be("num_corners", message.num_corners, next_corner);
+  return areas;
 }
 
 }  // namespace
@@ -200,17 +366,9 @@ Bytes encode_map_features(const map::Map& map) {
   message.label = map.label;
   message.num_attributions = static_cast<std::int32_t>(map.attributions.size());
   message.attributions = map.attributions;
-  message.num_power_lines = static_cast<std::int32_t>(map.power_lines.size());
-  for (const map::PowerLine& line : map.power_lines) {
-    message.power_line_source_id.push_back(line.source_id);
-    message.power_line_pole_count.push_back(static_cast<std::int32_t>(line.poles.size()));
-    for (const map::PowerLine::Pole& pole : line.poles) {
-      message.pole_x_m.push_back(pole.point.x_m);
-      message.pole_y_m.push_back(pole.point.y_m);
-      message.pole_height_m.push_back(pole.height_m);
-    }
-  }
-  message.num_poles = static_cast<std::int32_t>(message.pole_x_m.size());
+  put_overhead_lines(map.overhead_lines, message);
+  put_obstacles(map.obstacles, message);
+  put_areas(map.areas, message);
   Bytes bytes = wire::encoded(message);
   try {
     map::Map copy;
@@ -236,21 +394,9 @@ void decode_map_features(ByteView bytes, const Hash128& map_hash, map::Map& map)
   for (const std::string& line : message.attributions) {
     map.attributions.push_back(check.text("attributions", line, kLineBytesMax));
   }
-  map.power_lines.clear();
-  std::int64_t next = 0;
-  for (std::size_t i = 0; i < message.power_line_source_id.size(); ++i) {
-    map::PowerLine& line = map.power_lines.emplace_back();
-    line.source_id = message.power_line_source_id[i];
-    const std::int64_t poles = check.within<std::int64_t>(
-        "power_line_pole_count", message.power_line_pole_count[i], 2, message.num_poles - next);
-    for (std::int64_t p = 0; p < poles; ++p, ++next) {
-      const auto k = static_cast<std::size_t>(next);
-      line.poles.push_back({{check.finite("pole_x_m", message.pole_x_m[k]),
-                             check.finite("pole_y_m", message.pole_y_m[k])},
-                            check.not_negative("pole_height_m", message.pole_height_m[k])});
-    }
-  }
-  check.within<std::int64_t>("num_poles", message.num_poles, next, next);
+  map.overhead_lines = overhead_lines_in(check, message);
+  map.obstacles = obstacles_in(check, message);
+  map.areas = areas_in(check, message);
 }
 
 Bytes encode_map_tile_table(const Hash128& map_hash, const Tiling& tiling,

@@ -34,6 +34,10 @@ constexpr char kRouteColor[] = "#9be564";  // on maps, over a dark casing
 constexpr char kTrackColor[] = "#5ac8ff";
 constexpr char kRouteColorOnWhite[] = "#58a618";
 constexpr char kTrackColorOnWhite[] = "#1583d0";
+constexpr Color kNoFlyColor{0.84, 0.09, 0.12};
+constexpr Color kAvoidColor{0.95, 0.55, 0.0};
+
+const char* area_file(bool is_hard) { return is_hard ? "areas_no_fly" : "areas_avoid"; }
 
 /// Rectangle of the canvas, from its lower left corner.
 struct Box {
@@ -130,6 +134,11 @@ struct Scene {
   double altitude_high_m = 0.0;
 };
 
+bool has_areas(const map::Map& map, bool is_hard) {
+  return std::any_of(map.areas.begin(), map.areas.end(),
+                     [&](const map::Area& area) { return area.is_hard == is_hard; });
+}
+
 MapWindow window_of(const flight::Plan& plan, const map::Map& map) {
   const raster::GridGeometry& g = map.geometry;
   MapWindow window{1e300, 1e300, -1e300, -1e300};
@@ -177,6 +186,12 @@ Scene scene_of(const flight::Plan& plan, const map::Map& map) {
   scene.visibility_high = visibility_scale(map, scene.window);
   scene.headings = followed_headings(plan.trajectory);
   scene.legend = semantics_legend(map, scene.window);
+  if (has_areas(map, true)) {
+    scene.legend.push_back({kNoFlyColor, "no-fly area"});
+  }
+  if (has_areas(map, false)) {
+    scene.legend.push_back({kAvoidColor, "area to avoid (dashed)"});
+  }
   scene.demands = demands_of(plan.route_plan.config_text);
   const auto& states = plan.trajectory.states;
   scene.convergence_rad = states[states.size() / 2].convergence_rad;
@@ -297,13 +312,42 @@ std::string heading_tics(double low_deg, double high_deg) {
   return "(" + tics + ")";
 }
 
-std::string power_lines_text(const Scene& scene) {
+std::string overhead_lines_text(const Scene& scene) {
   std::string text = "# x_km y_km of supports; a blank line between two lines\n";
-  for (const map::PowerLine& line : scene.map->power_lines) {
-    for (const map::PowerLine::Pole& pole : line.poles) {
-      text += text_of("%.4f %.4f\n", pole.point.x_m / 1000.0, pole.point.y_m / 1000.0);
+  for (const map::OverheadLine& line : scene.map->overhead_lines) {
+    for (const map::OverheadLine::Support& support : line.supports) {
+      text += text_of("%.4f %.4f\n", support.point.x_m / 1000.0, support.point.y_m / 1000.0);
     }
     text += "\n";
+  }
+  return text;
+}
+
+std::string obstacles_text(const Scene& scene) {
+  std::string text = "# x_km y_km radius_km of obstacles\n";
+  for (const map::Obstacle& obstacle : scene.map->obstacles) {
+    text += text_of("%.4f %.4f %.4f\n", obstacle.point.x_m / 1000.0, obstacle.point.y_m / 1000.0,
+                    obstacle.radius_m / 1000.0);
+  }
+  return text;
+}
+
+std::string areas_text(const Scene& scene, bool is_hard) {
+  std::string text = "# x_km y_km of corners; a blank line between two rings\n";
+  const auto add = [&](const std::vector<geo::MapPoint>& ring) {
+    for (const geo::MapPoint& corner : ring) {
+      text += text_of("%.4f %.4f\n", corner.x_m / 1000.0, corner.y_m / 1000.0);
+    }
+    text += "\n";
+  };
+  for (const map::Area& area : scene.map->areas) {
+    if (area.is_hard != is_hard) {
+      continue;
+    }
+    for (const map::Area::Polygon& polygon : area.polygons) {
+      add(polygon.outer);
+      std::for_each(polygon.holes.begin(), polygon.holes.end(), add);
+    }
   }
   return text;
 }
@@ -560,10 +604,24 @@ void add_map_panel(Script& script, const Scene& scene, const MapPanel& panel, co
               "origin=(%.6f,%.6f) using 1:2:3 with rgbimage, \\\n",
               panel.image, kImageColumns, std::max(1, rows), dx_km, dy_km,
               w.west_m / 1000.0 + 0.5 * dx_km, w.south_m / 1000.0 + 0.5 * dy_km));
-  if (!scene.map->power_lines.empty()) {
+  if (!scene.map->overhead_lines.empty()) {
     script.add(
-        "  'power_lines.dat' using 1:2 with lines lw 1.2 lc rgb '#5b2d91', \\\n"
-        "  'power_lines.dat' using 1:2 with points pt 7 ps 0.25 lc rgb '#5b2d91', \\\n");
+        "  'overhead_lines.dat' using 1:2 with lines lw 1.2 lc rgb '#5b2d91', \\\n"
+        "  'overhead_lines.dat' using 1:2 with points pt 7 ps 0.25 lc rgb '#5b2d91', \\\n");
+  }
+  if (!scene.map->obstacles.empty()) {
+    script.add(
+        "  'obstacles.dat' using 1:2:3 with circles lw 1.2 lc rgb '#b5179e' fillstyle empty, \\\n"
+        "  'obstacles.dat' using 1:2 with points pt 9 ps 0.8 lc rgb '#b5179e', \\\n");
+  }
+  for (const bool is_hard : {false, true}) {
+    if (has_areas(*scene.map, is_hard)) {
+      script.add(
+          text_of("  '%s.dat' using 1:2 with lines lw 5 lc rgb '#ffffff', \\\n"
+                  "  '%s.dat' using 1:2 with lines lw 2.4 dt %d lc rgb '%s', \\\n",
+                  area_file(is_hard), area_file(is_hard), is_hard ? 1 : 2,
+                  hex(is_hard ? kNoFlyColor : kAvoidColor).c_str()));
+    }
   }
   script.add(
       "  'route.dat' using 1:2 with lines lw 6.6 lc rgb '#000000', \\\n"
@@ -877,7 +935,12 @@ void write_figures(const flight::Plan& plan, const map::Map& map, const fs::path
   write_file_atomically(folder / "planned.dat", planned_altitude_text(scene));
   write_file_atomically(folder / "profile.dat", profile_text(scene));
   write_file_atomically(folder / "heading.dat", heading_text(scene));
-  write_file_atomically(folder / "power_lines.dat", power_lines_text(scene));
+  write_file_atomically(folder / "overhead_lines.dat", overhead_lines_text(scene));
+  write_file_atomically(folder / "obstacles.dat", obstacles_text(scene));
+  for (const bool is_hard : {false, true}) {
+    write_file_atomically(folder / (std::string(area_file(is_hard)) + ".dat"),
+                          areas_text(scene, is_hard));
+  }
 
   const double footer_px = Script::footer_px(scene);
   const bool is_wide = scene.window.width_m() > 1.6 * scene.window.height_m();

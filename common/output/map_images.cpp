@@ -39,8 +39,10 @@ struct ClassStyle {
 };
 
 // What is drawn when bits overlap: the first one that is set.
-constexpr std::array<ClassStyle, 13> kClasses = {{
+constexpr std::array<ClassStyle, 15> kClasses = {{
     {SemanticClass::kBuilding, 0x6e3b30, "building"},
+    {SemanticClass::kObstacle, 0xb5179e, "obstacle, aerialway"},
+    {SemanticClass::kPowerPole, 0x3c1a66, "pole of a power line"},
     {SemanticClass::kPowerLine, 0x7b4fb0, "power line"},
     {SemanticClass::kSettlement, 0xd1495b, "settlement"},
     {SemanticClass::kVillage, 0xe08e36, "village, single building"},

@@ -11,8 +11,11 @@
 #include "base/errors.hpp"
 #include "base/hash.hpp"
 #include "map/source_layer.hpp"
+#include "map_sources/area_source.hpp"
 #include "map_sources/elevation_source.hpp"
 #include "map_sources/land_use_source.hpp"
+#include "map_sources/obstacle_file.hpp"
+#include "preparation/areas.hpp"
 #include "preparation/ground_weights.hpp"
 #include "preparation/surface_model.hpp"
 
@@ -171,16 +174,23 @@ geo::GeodeticBox box_of(const raster::GridGeometry& g, const geo::MapProjection&
   return box;
 }
 
-bool touches(const map::PowerLine& line, const raster::GridGeometry& g) {
+bool touches(const map::OverheadLine& line, const raster::GridGeometry& g) {
   double west_m = 1e18, south_m = 1e18, east_m = -1e18, north_m = -1e18;
-  for (const map::PowerLine::Pole& pole : line.poles) {
-    west_m = std::min(west_m, pole.point.x_m);
-    east_m = std::max(east_m, pole.point.x_m);
-    south_m = std::min(south_m, pole.point.y_m);
-    north_m = std::max(north_m, pole.point.y_m);
+  for (const map::OverheadLine::Support& support : line.supports) {
+    west_m = std::min(west_m, support.point.x_m);
+    east_m = std::max(east_m, support.point.x_m);
+    south_m = std::min(south_m, support.point.y_m);
+    north_m = std::max(north_m, support.point.y_m);
   }
   return west_m <= g.east_m() && east_m >= g.west_m && south_m <= g.north_m() &&
          north_m >= g.south_m;
+}
+
+bool touches(const map::Obstacle& obstacle, const raster::GridGeometry& g) {
+  return obstacle.point.x_m + obstacle.radius_m >= g.west_m &&
+         obstacle.point.x_m - obstacle.radius_m <= g.east_m() &&
+         obstacle.point.y_m + obstacle.radius_m >= g.south_m &&
+         obstacle.point.y_m - obstacle.radius_m <= g.north_m();
 }
 
 Json input_of(const fs::path& path, const char* kind, Observer& observer) {
@@ -248,7 +258,19 @@ Json json_of(const PrepareOptions& o, double cell_m) {
             {"structure_m", o.default_heights.structure_m},
             {"built_up_area_m", o.default_heights.built_up_area_m},
             {"power_line_m", o.default_heights.power_line_m},
-            {"minor_power_line_m", o.default_heights.minor_power_line_m}}},
+            {"minor_power_line_m", o.default_heights.minor_power_line_m},
+            {"mast_m", o.default_heights.mast_m},
+            {"tower_m", o.default_heights.tower_m},
+            {"chimney_m", o.default_heights.chimney_m},
+            {"wind_turbine_m", o.default_heights.wind_turbine_m},
+            {"aerialway_m", o.default_heights.aerialway_m},
+            {"drag_lift_m", o.default_heights.drag_lift_m}}},
+          {"obstacles",
+           {{"safety_radius_m", o.obstacles.safety_radius_m},
+            {"wind_turbine_radius_m", o.obstacles.wind_turbine_radius_m},
+            {"unknown_horizontal_error_m", o.obstacles.unknown_horizontal_error_m},
+            {"unknown_vertical_error_m", o.obstacles.unknown_vertical_error_m}}},
+          {"areas", {{"hard_kinds", o.areas.hard_kinds}, {"soft_kinds", o.areas.soft_kinds}}},
           {"settlements",
            {{"grow_m", o.settlements.grow_m},
             {"shrink_m", o.settlements.shrink_m},
@@ -534,17 +556,57 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
           (land_use.incomplete_relation_count > static_cast<std::int64_t>(named) ? ", ..." : ""));
     }
   }
+  map_sources::ObstacleList listed;
+  if (!request.obstacle_files.empty()) {
+    listed = map_sources::read_obstacle_files(
+        request.obstacle_files, projection, working_box,
+        options.obstacles.safety_radius_m + options.obstacles.unknown_horizontal_error_m, observer);
+    for (const fs::path& path : request.obstacle_files) {
+      inputs.push_back(input_of(path, "obstacles", observer));
+    }
+    if (listed.unknown_accuracy_count > 0) {
+      observer.note(std::to_string(listed.unknown_accuracy_count) + " of " +
+                    std::to_string(listed.obstacles.size()) +
+                    " entries of the obstacle files state no accuracy and get that of the config");
+    }
+  }
+  Json areas_left_out = Json::object();
+  if (!request.area_files.empty()) {
+    const map_sources::AirspaceList list = map_sources::read_areas(
+        request.area_files, projection, box_of(map.geometry, projection), observer);
+    Areas areas = areas_of(list, map.geometry, options.areas);
+    map.areas = std::move(areas.areas);
+    for (const fs::path& path : request.area_files) {
+      inputs.push_back(input_of(path, "areas", observer));
+    }
+    std::int64_t left_out = 0;
+    for (const auto& [kind, count] : areas.left_out) {
+      areas_left_out[kind] = count;
+      left_out += count;
+    }
+    if (left_out > 0) {
+      observer.note(std::to_string(left_out) +
+                    " areas are left out, since their kinds are neither "
+                    "in areas.hard_kinds nor in areas.soft_kinds of the config: " +
+                    areas_left_out.dump(-1, ' ', false, Json::error_handler_t::replace));
+    }
+  }
   for (const std::string& line : request.attributions) {
     add_once(map.attributions, line);
   }
 
-  SurfaceModel model = surface_model(layers.upper_terrain_m, layers.is_surface, land_use,
+  SurfaceModel model = surface_model(layers.upper_terrain_m, layers.is_surface, land_use, listed,
                                      projection, options, observer);
   map.surface_m = cut_out(model.surface_m, map.geometry, corner);
   map.semantics = cut_out(model.semantics, map.geometry, corner);
-  for (map::PowerLine& line : model.power_lines) {
+  for (map::OverheadLine& line : model.overhead_lines) {
     if (touches(line, map.geometry)) {
-      map.power_lines.push_back(std::move(line));
+      map.overhead_lines.push_back(std::move(line));
+    }
+  }
+  for (map::Obstacle& obstacle : model.obstacles) {
+    if (touches(obstacle, map.geometry)) {
+      map.obstacles.push_back(std::move(obstacle));
     }
   }
   const raster::Grid<std::uint8_t> ground_weight =
@@ -589,6 +651,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   }
 
   HeightCounts all = model.support_heights;
+  all.tagged += model.obstacle_heights.tagged;
+  all.guessed += model.obstacle_heights.guessed;
   Json heights = Json::object();
   static constexpr const char* kNames[] = {"forest",    "tree",          "building",
                                            "structure", "built_up_area", "water"};
@@ -599,7 +663,8 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
     all.from_levels += model.heights[i].from_levels;
     all.guessed += model.heights[i].guessed;
   }
-  heights["power_line_support"] = json_of(model.support_heights);
+  heights["line_support"] = json_of(model.support_heights);
+  heights["obstacle"] = json_of(model.obstacle_heights);
   const std::int64_t objects = all.tagged + all.from_levels + all.guessed;
   const double guessed_share =
       objects == 0 ? 0.0 : static_cast<double>(all.guessed) / static_cast<double>(objects);
@@ -646,7 +711,7 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   provenance["visibility_method"] =
       "share of the ground within the radius that sees a point at reference height over the "
       "surface; "
-      "lines of sight interpolated, power lines hide nothing";
+      "lines of sight interpolated, power lines and obstacles hide nothing";
   provenance["mapped_extent_deg"] = std::move(mapped);
   provenance["guessed_height_share"] = std::round(guessed_share * 1e6) / 1e6;
   provenance["object_heights"] = std::move(heights);
@@ -659,6 +724,11 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
       {"incomplete_ways", land_use.incomplete_way_count},
       {"invalid_areas", land_use.invalid_area_count},
       {"unreadable_heights", land_use.unreadable_height_count}};
+  provenance["obstacle_file_statistics"] = {{"records", listed.record_count},
+                                            {"near_the_region", listed.obstacles.size()},
+                                            {"unverified", listed.unverified_count},
+                                            {"of_unknown_accuracy", listed.unknown_accuracy_count}};
+  provenance["areas_left_out_by_kind"] = std::move(areas_left_out);
   result.provenance_json = provenance.dump(2, ' ', false, Json::error_handler_t::replace);
   return result;
 }

@@ -23,10 +23,30 @@ struct DefaultHeights {
   double tree_m = 0.0;  // single trees and rows of trees
   double building_m = 0.0;
   double building_level_m = 0.0;  // one storey of `building:levels`
-  double structure_m = 0.0;       // masts, towers, chimneys, wind turbines
+  double structure_m = 0.0;       // silos, tanks, water towers and what else stands out
+  double mast_m = 0.0;
+  double tower_m = 0.0;
+  double chimney_m = 0.0;
+  double wind_turbine_m = 0.0;  // up to the tip of the rotor
   double built_up_area_m = 0.0;
   double power_line_m = 0.0;        // pole of power=line
   double minor_power_line_m = 0.0;  // pole of power=minor_line
+  double aerialway_m = 0.0;         // pylon of a cable car or chair lift
+  double drag_lift_m = 0.0;
+};
+
+/// How wide obstacles count, and what an unknown accuracy means.
+struct ObstacleOptions {
+  double safety_radius_m = 0.0;             // around every obstacle, added to its extent and error
+  double wind_turbine_radius_m = 0.0;       // of a rotor whose source states none
+  double unknown_horizontal_error_m = 0.0;  // of obstacle files
+  double unknown_vertical_error_m = 0.0;
+};
+
+/// Which areas must not be entered and which cost, by what their source calls them.
+struct AreaOptions {
+  std::vector<std::string> hard_kinds;
+  std::vector<std::string> soft_kinds;
 };
 
 struct SettlementOptions {
@@ -58,6 +78,8 @@ struct PrepareOptions {
   std::string attribution_srtm;
   std::string attribution_openstreetmap;
   DefaultHeights default_heights;
+  ObstacleOptions obstacles;
+  AreaOptions areas;
   SettlementOptions settlements;
   VisibilityOptions visibility;
   GroundWeights ground_weights;
@@ -88,6 +110,8 @@ struct PrepareRequest {
       {};                                         // land use of other kinds, each with its mapping
   std::filesystem::path observers_file = {};      // YAML, see read_named_observers(); empty: none
   std::optional<TileNumber> tile = std::nullopt;  // one part of the region; default: all of it
+  std::vector<std::filesystem::path> obstacle_files = {};  // FAA DOF or CSV
+  std::vector<std::filesystem::path> area_files = {};      // OpenAir or whatever OGR reads
 };
 
 struct PreparedMap {
@@ -100,11 +124,12 @@ struct PreparedMap {
 /// Makes a map out of elevation and land-use files.
 ///
 /// Terrain is warped to square cells in a metric projection. The surface is the terrain plus what
-/// stands on it: forest, trees, buildings, built-up areas and power lines, each with its tagged
-/// height or the default of its class; every cell that an object touches is raised. Settlements are
-/// grown, joined, shrunk, split by size and get their rings (the paper's figure 2). Visibility is
-/// the share of the surroundings that sees a point at reference height, computed on a halo of one
-/// radius where the elevation files cover it, so that the map's edges are as good as its middle.
+/// stands on it: forest, trees, buildings, built-up areas, power lines and obstacles, each with its
+/// tagged height or the default of its class; every cell that an object touches is raised.
+/// Settlements are grown, joined, shrunk, split by size and get their rings (the paper's figure 2).
+/// Visibility is the share of the surroundings that sees a point at reference height, computed on a
+/// halo of one radius where the elevation files cover it, so that the map's edges are as good as
+/// its middle.
 ///
 /// A tile has the same bytes in every layer as that part of the whole region: it is computed with a
 /// margin of its own, land use is read for the whole region, and lines of sight are anchored to the

@@ -40,7 +40,26 @@ PrepareOptions PrepareOptions::read(ConfigReader& reader) {
   options.default_heights.built_up_area_m = height_m("built_up_area_m");
   options.default_heights.power_line_m = height_m("power_line_m");
   options.default_heights.minor_power_line_m = height_m("minor_power_line_m");
+  options.default_heights.mast_m = height_m("mast_m");
+  options.default_heights.tower_m = height_m("tower_m");
+  options.default_heights.chimney_m = height_m("chimney_m");
+  options.default_heights.wind_turbine_m = height_m("wind_turbine_m");
+  options.default_heights.aerialway_m = height_m("aerialway_m");
+  options.default_heights.drag_lift_m = height_m("drag_lift_m");
   heights.finish();
+
+  ConfigReader obstacles = reader.required_section("obstacles");
+  const auto radius_m = [&](const char* key) { return within(obstacles, key, 0.0, 10000.0); };
+  options.obstacles.safety_radius_m = radius_m("safety_radius_m");
+  options.obstacles.wind_turbine_radius_m = radius_m("wind_turbine_radius_m");
+  options.obstacles.unknown_horizontal_error_m = radius_m("unknown_horizontal_error_m");
+  options.obstacles.unknown_vertical_error_m = radius_m("unknown_vertical_error_m");
+  obstacles.finish();
+
+  ConfigReader areas = reader.required_section("areas");
+  options.areas.hard_kinds = areas.required_strings("hard_kinds");
+  options.areas.soft_kinds = areas.required_strings("soft_kinds");
+  areas.finish();
 
   ConfigReader settlements = reader.required_section("settlements");
   const auto distance_m = [&](const char* key) { return within(settlements, key, 0.0, 10000.0); };

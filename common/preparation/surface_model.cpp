@@ -5,7 +5,9 @@
 
 #include "map/source_layer.hpp"
 #include "preparation/burning.hpp"
+#include "preparation/obstacles.hpp"
 #include "preparation/settlements.hpp"
+#include "raster/segment_walk.hpp"
 
 namespace hedgehop::preparation {
 namespace {
@@ -16,9 +18,11 @@ using map_sources::ObjectClass;
 constexpr char kStage[] = "surface";
 constexpr double kSettlementTolerance = 0.02;  // of a cell
 
-float rounded_up(double value_m) { return static_cast<float>(std::ceil(value_m * 64.0) / 64.0); }
-
 std::uint16_t bit_of(SemanticClass value) { return static_cast<std::uint16_t>(value); }
+
+void set_bit(std::uint16_t& bits, SemanticClass value) {
+  bits = static_cast<std::uint16_t>(bits | bit_of(value));
+}
 
 double default_height_m(ObjectClass object_class, const DefaultHeights& heights) {
   switch (object_class) {
@@ -55,71 +59,17 @@ SemanticClass class_bit(ObjectClass object_class) {
   return SemanticClass::kBuilding;
 }
 
-// Calls visit(cell, t_in, t_out) for every cell inside the grid that the segment a-b touches; t
-// runs from 0 at a to 1 at b.
-template <typename Visit>
-void walk_segment(const raster::GridGeometry& g, const geo::MapPoint& a, const geo::MapPoint& b,
-                  const Visit& visit) {
-  const double dx_m = b.x_m - a.x_m;
-  const double dy_m = b.y_m - a.y_m;
-  // Clipped to the raster, so that a line from far away costs nothing.
-  double t_begin = 0.0;
-  double t_end = 1.0;
-  const auto clip = [&](double start, double delta, double low, double high) {
-    if (delta == 0.0) {
-      return start >= low && start < high;
-    }
-    double t0 = (low - start) / delta;
-    double t1 = (high - start) / delta;
-    if (t0 > t1) {
-      std::swap(t0, t1);
-    }
-    t_begin = std::max(t_begin, t0);
-    t_end = std::min(t_end, t1);
-    return t_begin <= t_end;
-  };
-  if (!clip(a.x_m, dx_m, g.west_m, g.east_m()) || !clip(a.y_m, dy_m, g.south_m, g.north_m())) {
-    return;
-  }
-  std::vector<double> crossings = {t_begin, t_end};
-  const auto add_crossings = [&](double start, double delta, double origin) {
-    if (delta == 0.0) {
-      return;
-    }
-    const double u0 = (start + t_begin * delta - origin) / g.cell_m;
-    const double u1 = (start + t_end * delta - origin) / g.cell_m;
-    const auto low = static_cast<std::int64_t>(std::ceil(std::min(u0, u1)));
-    const auto high = static_cast<std::int64_t>(std::floor(std::max(u0, u1)));
-    for (std::int64_t line = low; line <= high; ++line) {
-      const double t = (origin + static_cast<double>(line) * g.cell_m - start) / delta;
-      if (t > t_begin && t < t_end) {
-        crossings.push_back(t);
-      }
-    }
-  };
-  add_crossings(a.x_m, dx_m, g.west_m);
-  add_crossings(a.y_m, dy_m, g.south_m);
-  std::sort(crossings.begin(), crossings.end());
-  for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
-    const double t = 0.5 * (crossings[i] + crossings[i + 1]);
-    const raster::CellIndex cell = g.cell_at({a.x_m + t * dx_m, a.y_m + t * dy_m});
-    if (g.contains(cell)) {
-      visit(cell, crossings[i], crossings[i + 1]);
-    }
-  }
-}
-
-void raise_along_line(const map::PowerLine& line, const raster::Grid<float>& upper_terrain_m,
+void raise_along_line(const map::OverheadLine& line, const raster::Grid<float>& upper_terrain_m,
                       SurfaceModel& model) {
   const raster::GridGeometry& g = upper_terrain_m.geometry();
-  const auto top_m = [&](const map::PowerLine::Pole& pole) {
-    const raster::CellIndex cell = g.cell_at(pole.point);
-    return g.contains(cell) ? static_cast<double>(upper_terrain_m.at(cell)) + pole.height_m
+  const auto top_m = [&](const map::OverheadLine::Support& support) {
+    const raster::CellIndex cell = g.cell_at(support.point);
+    return g.contains(cell) ? static_cast<double>(upper_terrain_m.at(cell)) + support.height_m
                             : std::numeric_limits<double>::quiet_NaN();
   };
-  for (std::size_t i = 0; i + 1 < line.poles.size(); ++i) {
-    const map::PowerLine::Pole& a = line.poles[i];
-    const map::PowerLine::Pole& b = line.poles[i + 1];
+  for (std::size_t i = 0; i + 1 < line.supports.size(); ++i) {
+    const map::OverheadLine::Support& a = line.supports[i];
+    const map::OverheadLine::Support& b = line.supports[i + 1];
     double top_a_m = top_m(a);
     double top_b_m = top_m(b);
     if (std::isnan(top_a_m)) {
@@ -127,24 +77,45 @@ void raise_along_line(const map::PowerLine& line, const raster::Grid<float>& upp
     } else if (std::isnan(top_b_m)) {
       top_b_m = top_a_m;
     }
-    walk_segment(g, a.point, b.point, [&](raster::CellIndex cell, double t_in, double t_out) {
-      const auto greatest = [&](double at_a, double at_b) {
-        return std::max(at_a + t_in * (at_b - at_a), at_a + t_out * (at_b - at_a));
-      };
-      model.semantics.at(cell) =
-          static_cast<std::uint16_t>(model.semantics.at(cell) | bit_of(SemanticClass::kPowerLine));
-      float& surface_m = model.surface_m.at(cell);
-      if (std::isnan(surface_m)) {
-        return;
-      }
-      const double above_ground_m =
-          static_cast<double>(upper_terrain_m.at(cell)) + greatest(a.height_m, b.height_m);
-      surface_m = std::max(surface_m, rounded_up(above_ground_m));
-      if (!std::isnan(top_a_m)) {
-        surface_m = std::max(surface_m, rounded_up(greatest(top_a_m, top_b_m)));
-      }
-    });
+    raster::walk_segment(
+        g, a.point, b.point, [&](raster::CellIndex cell, double t_in, double t_out) {
+          const auto greatest = [&](double at_a, double at_b) {
+            return std::max(at_a + t_in * (at_b - at_a), at_a + t_out * (at_b - at_a));
+          };
+          set_bit(model.semantics.at(cell), line.kind == map::LineKind::kAerialway
+                                                ? SemanticClass::kObstacle
+                                                : SemanticClass::kPowerLine);
+          float& surface_m = model.surface_m.at(cell);
+          if (std::isnan(surface_m)) {
+            return;
+          }
+          const double above_ground_m =
+              static_cast<double>(upper_terrain_m.at(cell)) + greatest(a.height_m, b.height_m);
+          surface_m = std::max(surface_m, rounded_up(above_ground_m));
+          if (!std::isnan(top_a_m)) {
+            surface_m = std::max(surface_m, rounded_up(greatest(top_a_m, top_b_m)));
+          }
+        });
   }
+  for (const map::OverheadLine::Support& support : line.supports) {
+    if (support.is_pole && line.kind != map::LineKind::kAerialway && g.contains(support.point)) {
+      set_bit(model.semantics.at(g.cell_at(support.point)), SemanticClass::kPowerPole);
+    }
+  }
+}
+
+double default_support_height_m(const map_sources::PowerLineObject& line,
+                                const DefaultHeights& heights) {
+  if (line.is_aerialway) {
+    return line.is_minor ? heights.drag_lift_m : heights.aerialway_m;
+  }
+  return line.is_minor ? heights.minor_power_line_m : heights.power_line_m;
+}
+
+map::LineKind kind_of(const map_sources::PowerLineObject& line) {
+  return line.is_aerialway ? map::LineKind::kAerialway
+         : line.is_minor   ? map::LineKind::kMinorPowerLine
+                           : map::LineKind::kPowerLine;
 }
 
 // Outline of a box in degrees; its sides are curved on the map.
@@ -174,9 +145,12 @@ map_sources::MapPolygon outline_on_map(const geo::GeodeticBox& box,
 
 }  // namespace
 
+float rounded_up(double value_m) { return static_cast<float>(std::ceil(value_m * 64.0) / 64.0); }
+
 SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
                            const raster::Grid<std::uint8_t>& is_surface,
                            const map_sources::LandUse& land_use,
+                           const map_sources::ObstacleList& listed,
                            const geo::MapProjection& projection, const PrepareOptions& options,
                            Observer& observer) {
   const raster::GridGeometry& g = upper_terrain_m.geometry();
@@ -218,10 +192,16 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
     geometries.push_back(std::move(geometry));
   };
   for (const map_sources::AreaObject& area : land_use.areas) {
+    if (is_obstacle(area)) {
+      continue;
+    }
     add(area.object_class, geometry_of(area.polygons), area.height_m, area.levels,
         area.default_height_m);
   }
   for (const map_sources::LineObject& line : land_use.lines) {
+    if (is_obstacle(line)) {
+      continue;
+    }
     add(line.object_class, geometry_of(line.vertices), line.height_m, std::nullopt,
         line.default_height_m);
   }
@@ -255,21 +235,16 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
   model.opaque_m = model.surface_m;
   for (const map_sources::PowerLineObject& source : land_use.power_lines) {
     observer.check_stop();
-    map::PowerLine line{source.source_id, {}};
+    map::OverheadLine line{source.source_id, {}, kind_of(source)};
     for (const map_sources::PowerLineObject::Support& support : source.supports) {
       ++(support.height_m ? model.support_heights.tagged : model.support_heights.guessed);
-      line.poles.push_back(
-          {support.point, support.height_m.value_or(source.default_height_m.value_or(
-                              source.is_minor ? options.default_heights.minor_power_line_m
-                                              : options.default_heights.power_line_m))});
+      line.supports.push_back({support.point,
+                               support.height_m.value_or(source.default_height_m.value_or(
+                                   default_support_height_m(source, options.default_heights))),
+                               support.is_pole});
     }
     raise_along_line(line, upper_terrain_m, model);
-    model.power_lines.push_back(std::move(line));
-  }
-  for (std::size_t i = 0; i < g.cell_count(); ++i) {
-    if (model.surface_m.values()[i] > model.opaque_m.values()[i]) {
-      model.height_origin.values()[i] = static_cast<std::uint8_t>(map::HeightOrigin::kThin);
-    }
+    model.overhead_lines.push_back(std::move(line));
   }
   observer.progress(kStage, 1.0, 1.0);
 
@@ -313,6 +288,14 @@ SurfaceModel surface_model(const raster::Grid<float>& upper_terrain_m,
   for (std::size_t i = 0; i < g.cell_count(); ++i) {
     if (mapped.values()[i] == 0) {
       model.semantics.values()[i] = bit_of(SemanticClass::kUnmapped);
+    }
+  }
+  model.obstacles =
+      obstacles_of(land_use, listed, upper_terrain_m, options, model.obstacle_heights);
+  raise_obstacles(model.obstacles, upper_terrain_m, model.surface_m, model.semantics);
+  for (std::size_t i = 0; i < g.cell_count(); ++i) {
+    if (model.surface_m.values()[i] > model.opaque_m.values()[i]) {
+      model.height_origin.values()[i] = static_cast<std::uint8_t>(map::HeightOrigin::kThin);
     }
   }
   return model;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "base/errors.hpp"
+#include "risk/small_patches.hpp"
 
 namespace hedgehop::risk {
 namespace {
@@ -52,10 +53,14 @@ double value_at(const raster::Grid<float>& layer, const geo::MapPoint& point) {
                                   : std::numeric_limits<double>::quiet_NaN();
 }
 
+double share_of(std::uint16_t stored, double unknown_visibility) {
+  return stored == map::kVisibilityUnknown ? unknown_visibility : map::visibility_share(stored);
+}
+
 }  // namespace
 
-SemanticCostTable::SemanticCostTable(std::vector<Rule> rules, double otherwise)
-    : table_(kCombinations, static_cast<float>(otherwise)) {
+SemanticCostTable::SemanticCostTable(std::vector<Rule> rules, double otherwise, double soft_area)
+    : table_(kCombinations, static_cast<float>(otherwise)), soft_area_(soft_area) {
   for (std::size_t bits = 0; bits < kCombinations; ++bits) {
     const auto rule = std::find_if(rules.begin(), rules.end(), [&](const Rule& candidate) {
       return (bits & candidate.all_of) == candidate.all_of;
@@ -110,29 +115,52 @@ CostDensity::CostDensity(const CostWeights& weights, double reference_height_m,
 
 CostModel::CostModel(const map::Map& map, const CostWeights& weights,
                      const SemanticCostTable& semantics, double unknown_visibility,
-                     std::optional<double> reference_height_m)
+                     std::optional<double> reference_height_m, double small_patch_m)
     : map_(&map),
       weights_(weights),
       density_(weights, reference_height_m.value_or(map.reference_height_m), heights_of(map)),
       visibility_(map.geometry, 0.0F),
-      semantics_(map.geometry, 0.0F) {
+      unknown_visibility_(unknown_visibility),
+      land_use_(map.geometry, 0.0F),
+      soft_area_(semantics.soft_area()),
+      areas_(map) {
   if (!map::covers_height(map, density_.reference_height_m())) {
     throw std::invalid_argument("the map knows no visibility at the reference height");
   }
-  std::vector<const raster::Grid<std::uint16_t>*> bands;
+  // What planners see at each height, cell by cell.
+  std::vector<raster::Grid<float>> bands;
   for (const double height_m : density_.heights_m()) {
-    bands.push_back(&band_at(map, height_m));
+    const raster::Grid<std::uint16_t>& stored = band_at(map, height_m);
+    raster::Grid<float> band(map.geometry, 0.0F);
+    for (std::size_t i = 0; i < band.values().size(); ++i) {
+      band.values()[i] = static_cast<float>(share_of(stored.values()[i], unknown_visibility));
+    }
+    bands.push_back(without_small_patches(band, small_patch_m));
   }
   visibilities_.reserve(bands.size() * visibility_.values().size());
   for (std::size_t i = 0; i < visibility_.values().size(); ++i) {
-    for (const raster::Grid<std::uint16_t>* band : bands) {
-      const std::uint16_t stored = band->values()[i];
-      visibilities_.push_back(static_cast<float>(
-          stored == map::kVisibilityUnknown ? unknown_visibility : map::visibility_share(stored)));
+    for (const raster::Grid<float>& band : bands) {
+      visibilities_.push_back(band.values()[i]);
     }
     visibility_.values()[i] = static_cast<float>(
         density_.seen(visibilities_.data() + i * bands.size(), density_.reference_height_m()));
-    semantics_.values()[i] = static_cast<float>(semantics.cost(map.semantics.values()[i]));
+    land_use_.values()[i] = static_cast<float>(semantics.cost(map.semantics.values()[i]));
+  }
+  semantics_ = land_use_;
+  for (int row = 0; row < map.geometry.rows && !areas_.is_empty(); ++row) {
+    for (int column = 0; column < map.geometry.columns; ++column) {
+      const raster::CellIndex cell{column, row};
+      const auto terrain_m = static_cast<double>(map.terrain_m.at(cell));
+      const double altitude_m =
+          static_cast<double>(map.surface_m.at(cell)) + density_.reference_height_m();
+      for (const std::uint32_t number : areas_.areas_of(areas_.list_at(cell))) {
+        const map::Area& area = map.areas[number];
+        if (!area.is_hard && !(altitude_m < area.floor.altitude_m(terrain_m)) &&
+            !(altitude_m > area.ceiling.altitude_m(terrain_m))) {
+          semantics_.at(cell) = std::max(semantics_.at(cell), static_cast<float>(soft_area_));
+        }
+      }
+    }
   }
 }
 
@@ -150,13 +178,19 @@ double CostModel::semantics(const geo::MapPoint& point) const {
   return value_at(semantics_, point);
 }
 
+double CostModel::semantics(const geo::MapPoint& point, double altitude_m) const {
+  const double land_use = value_at(land_use_, point);
+  return areas_.is_in_soft_area(point, altitude_m) ? std::max(land_use, soft_area_) : land_use;
+}
+
 double CostModel::density(const geo::MapPoint& point, double height_m) const {
   const raster::GridGeometry& geometry = visibility_.geometry();
   if (!geometry.contains(point)) {
     return std::numeric_limits<double>::quiet_NaN();
   }
-  const raster::CellIndex cell = geometry.cell_at(point);
-  return density_(visibilities(cell), static_cast<double>(semantics_.at(cell)), height_m);
+  const double altitude_m =
+      areas_.is_empty() ? 0.0 : raster::sample_bilinear(map_->surface_m, point) + height_m;
+  return density_(visibilities(geometry.cell_at(point)), semantics(point, altitude_m), height_m);
 }
 
 flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& waypoints,
@@ -183,7 +217,7 @@ flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& way
       const double seen = this->seen(point, height_m);
       cost.length_m += ds_m;
       cost.visibility_m += weights_.visibility * seen * seen * ds_m;
-      cost.semantics_m += weights_.semantics * semantics(point) * ds_m;
+      cost.semantics_m += weights_.semantics * semantics(point, a.altitude_m + t * dz_m) * ds_m;
       cost.height_m += weights_.height_1pm * std::fabs(above_m) * ds_m;
     }
   }
@@ -196,13 +230,29 @@ flight::PathMeasures CostModel::measures(const flight::Trajectory& trajectory,
   if (trajectory.states.empty()) {
     return measures;
   }
+  std::vector<const raster::Grid<std::uint16_t>*> stored;
+  for (const double height_m : density_.heights_m()) {
+    stored.push_back(&band_at(*map_, height_m));
+  }
+  std::vector<float> shares(stored.size());
+  const auto mapped_seen = [&](const geo::MapPoint& point, double height_m) {
+    if (!map_->geometry.contains(point)) {
+      return std::numeric_limits<double>::quiet_NaN();
+    }
+    const raster::CellIndex cell = map_->geometry.cell_at(point);
+    for (std::size_t i = 0; i < stored.size(); ++i) {
+      shares[i] = static_cast<float>(share_of(stored[i]->at(cell), unknown_visibility_));
+    }
+    return density_.seen(shares.data(), height_m);
+  };
   struct Integrand {
     double visibility, semantics, bank_rad, height_m;
   };
   const auto integrand = [&](const flight::FlightState& state) {
     const double height_m = state.altitude_m - state.surface_m;
-    return Integrand{seen(state.point(), height_m), semantics(state.point()),
-                     std::fabs(state.bank_rad), height_m};
+    return Integrand{mapped_seen(state.point(), height_m),
+                     semantics(state.point(), state.altitude_m), std::fabs(state.bank_rad),
+                     height_m};
   };
   Integrand before = integrand(trajectory.states.front());
   measures.max_height_m = before.height_m;

@@ -10,6 +10,7 @@
 #include "flight/route.hpp"
 #include "flight/trajectory.hpp"
 #include "map/map.hpp"
+#include "risk/area_index.hpp"
 
 namespace hedgehop::risk {
 
@@ -28,14 +29,16 @@ class SemanticCostTable {
     std::uint16_t all_of = 0;
     double cost = 0.0;  // in [0, 1]
   };
-  /// Section `semantics`: list `rules` of {classes: [names], cost: c}, and `otherwise`.
+  /// Section `semantics`: list `rules` of {classes: [names], cost: c}, `otherwise`.
   static SemanticCostTable read(ConfigReader& reader);
-  SemanticCostTable(std::vector<Rule> rules, double otherwise);
+  SemanticCostTable(std::vector<Rule> rules, double otherwise, double soft_area = 0.0);
 
   [[nodiscard]] double cost(std::uint16_t bits) const { return table_[bits]; }
+  [[nodiscard]] double soft_area() const { return soft_area_; }
 
  private:
   std::vector<float> table_;  // 65536 entries
+  double soft_area_;
 };
 
 CostWeights read_weights(ConfigReader& reader);
@@ -91,13 +94,19 @@ class CostDensity {
 };
 
 /// Cost layers of one map under one config, ready for fast queries. Holds references to the map.
+///
+/// Planners see the visibility without dark patches shorter than `small_patch_m`, see
+/// without_small_patches(). This is done here and not in the map, so that the map keeps what was
+/// computed, the size can change without preparing it again, and layers for other heights are
+/// treated alike.
 class CostModel {
  public:
   /// `reference_height_m` is where the height term is zero and visibility() is taken; by default
   /// that of the map. Another one must be covered by the map's exposure volume
   /// (map::covers_height), else std::invalid_argument.
   CostModel(const map::Map& map, const CostWeights& weights, const SemanticCostTable& semantics,
-            double unknown_visibility, std::optional<double> reference_height_m = std::nullopt);
+            double unknown_visibility, std::optional<double> reference_height_m = std::nullopt,
+            double small_patch_m = 0.0);
 
   [[nodiscard]] const map::Map& map() const { return *map_; }
   [[nodiscard]] const CostWeights& weights() const { return weights_; }
@@ -117,10 +126,17 @@ class CostModel {
   /// Visibility at a height above the surface, NaN outside the map; see CostDensity::seen().
   [[nodiscard]] double seen(const geo::MapPoint& point, double height_m) const;
 
-  /// Visibility share at reference height, unknown replaced as configured; nearest cell.
-  /// NaN outside the map, as are the functions below.
+  /// Visibility share at reference height as planners see it, unknown replaced as configured;
+  /// nearest cell. NaN outside the map, as are the functions below.
   [[nodiscard]] double visibility(const geo::MapPoint& point) const;
+  /// The layer below: land use, and soft areas at reference height.
   [[nodiscard]] double semantics(const geo::MapPoint& point) const;
+  /// Cost of the land use below, and at least SemanticCostTable::soft_area() in a soft area that
+  /// holds the point at that altitude, exactly.
+  [[nodiscard]] double semantics(const geo::MapPoint& point, double altitude_m) const;
+
+  /// The areas of the map: soft ones are part of semantics(); hard ones are for planners to avoid.
+  [[nodiscard]] const AreaIndex& areas() const { return areas_; }
 
   /// Integrand of eq. (1) [-]: cost per metre of path at a height above the surface. >= 1.
   [[nodiscard]] double density(const geo::MapPoint& point, double height_m) const;
@@ -130,11 +146,13 @@ class CostModel {
   [[nodiscard]] flight::RouteCost route_cost(const std::vector<flight::Waypoint>& waypoints,
                                              double step_m) const;
 
-  /// Measures of a flown path, trapezoidal between states.
+  /// Measures of a flown path, trapezoidal between states. Visibility is that of the map, small
+  /// patches included, so that flights under different settings can be compared.
   [[nodiscard]] flight::PathMeasures measures(const flight::Trajectory& trajectory,
                                               double ceiling_height_m) const;
 
-  /// Cost layers, for kernels: same geometry as the map.
+  /// Cost layers, for kernels: same geometry as the map. A soft area raises every cell that it
+  /// touches and whose flight at reference height it may hold.
   [[nodiscard]] const raster::Grid<float>& visibility_layer() const { return visibility_; }
   [[nodiscard]] const raster::Grid<float>& semantics_layer() const { return semantics_; }
 
@@ -144,7 +162,11 @@ class CostModel {
   CostDensity density_;
   std::vector<float> visibilities_;  // by cell, then by height of density_
   raster::Grid<float> visibility_;
-  raster::Grid<float> semantics_;
+  double unknown_visibility_;
+  raster::Grid<float> land_use_;
+  raster::Grid<float> semantics_;  // the same with soft areas
+  double soft_area_;
+  AreaIndex areas_;
 };
 
 }  // namespace hedgehop::risk

@@ -9,6 +9,8 @@
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
 #include "geo/map_projection.hpp"
+#include "verification/area_entry.hpp"
+#include "verification/cylinder_distance.hpp"
 #include "verification/surface_sweep.hpp"
 #include "verification/wire_distance.hpp"
 
@@ -333,67 +335,185 @@ struct Box {
   }
 };
 
-// Everything that a flight may come too near to overhead spans. Pieces are taken in blocks, so that
-// most spans are done with after a few comparisons.
-void check_wires(const map::Map& map, const std::vector<flight::FlightState>& states, double step_s,
-                 double required_m, Findings& findings) {
-  constexpr std::size_t kBlock = 64;
+// The pieces of a flight in blocks, so that most things on the map are done with after a few
+// comparisons.
+class PieceBlocks {
+ public:
   // A path that strays farther off its chord breaks continuity, and has been found there.
-  constexpr double kStrayMax_m = 1.0;
-  const double reach_m = required_m + 2.0 * kStrayMax_m;
-  std::vector<Box> blocks;
-  for (std::size_t begin = 0; begin + 1 < states.size(); begin += kBlock) {
-    Box box;
-    for (std::size_t i = begin; i <= std::min(begin + kBlock, states.size() - 1); ++i) {
-      if (is_finite(states[i])) {
-        box.add(states[i].point());
+  static constexpr double kStrayMax_m = 1.0;
+
+  PieceBlocks(const std::vector<flight::FlightState>& states, double step_s)
+      : states_(states), step_s_(step_s) {
+    for (std::size_t begin = 0; begin + 1 < states.size(); begin += kBlock) {
+      Box box;
+      for (std::size_t i = begin; i <= std::min(begin + kBlock, states.size() - 1); ++i) {
+        if (is_finite(states[i])) {
+          box.add(states[i].point());
+        }
+      }
+      blocks_.push_back(box);
+    }
+  }
+
+  /// Calls visit(index, from, to, stray_m) for every piece of a block that lies within `reach_m` of
+  /// the box; `stray_m` bounds how far the path may leave the straight piece.
+  template <typename Visit>
+  void visit_near(const Box& box, double reach_m, const Visit& visit) const {
+    for (std::size_t k = 0; k < blocks_.size(); ++k) {
+      if (!box.is_within(reach_m + 2.0 * kStrayMax_m, blocks_[k])) {
+        continue;
+      }
+      const std::size_t begin = k * kBlock;
+      for (std::size_t i = begin; i < std::min(begin + kBlock, states_.size() - 1); ++i) {
+        if (is_finite(states_[i]) && is_finite(states_[i + 1])) {
+          const Sagitta stray = sagitta_of(states_[i], states_[i + 1], step_s_);
+          visit(i, path_point(states_[i]), path_point(states_[i + 1]),
+                Sagitta{std::min(stray.across_m, kStrayMax_m),
+                        std::min(stray.vertical_m, kStrayMax_m)});
+        }
       }
     }
-    blocks.push_back(box);
   }
-  const auto top_of = [&](const map::PowerLine::Pole& pole) {
-    return PathPoint{pole.point.x_m, pole.point.y_m,
-                     interpolated_height_m(map.terrain_m, pole.point) + pole.height_m};
+
+ private:
+  static constexpr std::size_t kBlock = 64;
+  const std::vector<flight::FlightState>& states_;
+  double step_s_;
+  std::vector<Box> blocks_;
+};
+
+// The least value for each piece: one finding a piece, however many things meet there.
+class LeastByPiece {
+ public:
+  void add(std::size_t piece, double value) {
+    const auto [entry, is_new] = least_.try_emplace(piece, value);
+    entry->second = std::min(entry->second, value);
+  }
+  void tell(const char* rule, const std::vector<flight::FlightState>& states, double limit,
+            Findings& findings) const {
+    for (const auto& [piece, value] : least_) {
+      findings.add(rule, states[piece], value, limit);
+    }
+  }
+
+ private:
+  std::map<std::size_t, double> least_;
+};
+
+void check_wires(const map::Map& map, const std::vector<flight::FlightState>& states,
+                 const PieceBlocks& pieces, double required_m, Findings& findings) {
+  const auto top_of = [&](const map::OverheadLine::Support& support) {
+    return PathPoint{support.point.x_m, support.point.y_m,
+                     interpolated_height_m(map.terrain_m, support.point) + support.height_m};
   };
-  // Nearest span for each piece: one finding a piece, however many spans meet there.
-  std::map<std::size_t, double> nearest_m;
-  for (const map::PowerLine& line : map.power_lines) {
-    for (std::size_t p = 1; p < line.poles.size(); ++p) {
-      PathPoint top_a = top_of(line.poles[p - 1]);
-      PathPoint top_b = top_of(line.poles[p]);
+  LeastByPiece nearest;
+  for (const map::OverheadLine& line : map.overhead_lines) {
+    for (std::size_t p = 1; p < line.supports.size(); ++p) {
+      PathPoint top_a = top_of(line.supports[p - 1]);
+      PathPoint top_b = top_of(line.supports[p]);
       if (!std::isfinite(top_a.altitude_m) || !std::isfinite(top_b.altitude_m)) {
         top_a.altitude_m = kInfinity;  // unknown: as high as may be
         top_b.altitude_m = kInfinity;
       }
       Box span;
-      span.add(line.poles[p - 1].point);
-      span.add(line.poles[p].point);
-      for (std::size_t k = 0; k < blocks.size(); ++k) {
-        if (!span.is_within(reach_m, blocks[k])) {
-          continue;
-        }
-        const std::size_t begin = k * kBlock;
-        for (std::size_t i = begin; i < std::min(begin + kBlock, states.size() - 1); ++i) {
-          if (!is_finite(states[i]) || !is_finite(states[i + 1])) {
-            continue;
-          }
-          const Sagitta stray = sagitta_of(states[i], states[i + 1], step_s);
-          const double stray_m =
-              std::min(stray.across_m, kStrayMax_m) + std::min(stray.vertical_m, kStrayMax_m);
-          const double clear_m =
-              distance_to_span_m(path_point(states[i]), path_point(states[i + 1]), top_a, top_b) -
-              stray_m;
-          if (!(clear_m >= required_m)) {
-            const auto [entry, is_new] = nearest_m.try_emplace(i, clear_m);
-            entry->second = std::min(entry->second, clear_m);
-          }
-        }
-      }
+      span.add(line.supports[p - 1].point);
+      span.add(line.supports[p].point);
+      pieces.visit_near(
+          span, required_m,
+          [&](std::size_t i, const PathPoint& from, const PathPoint& to, const Sagitta& stray) {
+            const double clear_m =
+                distance_to_span_m(from, to, top_a, top_b) - stray.across_m - stray.vertical_m;
+            if (!(clear_m >= required_m)) {
+              nearest.add(i, clear_m);
+            }
+          });
     }
   }
-  for (const auto& [i, clear_m] : nearest_m) {
-    findings.add("wire_clearance", states[i], clear_m, required_m);
+  nearest.tell("wire_clearance", states, required_m, findings);
+}
+
+void check_obstacles(const map::Map& map, const std::vector<flight::FlightState>& states,
+                     const PieceBlocks& pieces, double required_m, Findings& findings) {
+  LeastByPiece nearest;
+  for (const map::Obstacle& obstacle : map.obstacles) {
+    // The higher one of what the map says and of what follows from the ground; unknown: as high as
+    // may be.
+    const double top_m = std::fmax(
+        obstacle.top_m, interpolated_height_m(map.terrain_m, obstacle.point) + obstacle.height_m);
+    const Cylinder cylinder{obstacle.point.x_m, obstacle.point.y_m, obstacle.radius_m,
+                            std::isnan(top_m) ? kInfinity : top_m};
+    Box box;
+    box.add(obstacle.point);
+    pieces.visit_near(
+        box, obstacle.radius_m + required_m,
+        [&](std::size_t i, const PathPoint& from, const PathPoint& to, const Sagitta& stray) {
+          const double clear_m =
+              distance_to_cylinder_m(from, to, cylinder) - stray.across_m - stray.vertical_m;
+          if (!(clear_m >= required_m)) {
+            nearest.add(i, clear_m);
+          }
+        });
   }
+  nearest.tell("obstacle_clearance", states, required_m, findings);
+}
+
+// Hard areas that a flight enters. Each piece is asked as a whole, so that an area may be claimed
+// by a piece that only comes near its floor or ceiling; pieces are two metres long.
+void check_areas(const map::Map& map, const std::vector<flight::FlightState>& states,
+                 const PieceBlocks& pieces, Findings& findings) {
+  const auto is_above_ground = [](const map::AreaLimit& limit) {
+    return limit.reference == map::AreaLimit::Reference::kAboveGround &&
+           std::isfinite(limit.value_m);
+  };
+  // The greatest height above ground is the least one with all signs turned.
+  std::optional<raster::Grid<float>> turned_terrain_m;
+  LeastByPiece depths;
+  for (const map::Area& area : map.areas) {
+    if (!area.is_hard) {
+      continue;
+    }
+    Box box;
+    for (const map::Area::Polygon& polygon : area.polygons) {
+      for (const geo::MapPoint& corner : polygon.outer) {
+        box.add(corner);
+      }
+    }
+    const bool needs_ground = is_above_ground(area.floor) || is_above_ground(area.ceiling);
+    if (needs_ground && !turned_terrain_m) {
+      turned_terrain_m = map.terrain_m;
+      for (float& value : turned_terrain_m->values()) {
+        value = -value;
+      }
+    }
+    pieces.visit_near(
+        box, 0.0,
+        [&](std::size_t i, const PathPoint& from, const PathPoint& to, const Sagitta& stray) {
+          const auto depth_m = depth_in_area_m(area, from, to, stray.across_m);
+          if (!depth_m) {
+            return;
+          }
+          HeightRange altitude{std::min(from.altitude_m, to.altitude_m) - stray.vertical_m,
+                               std::max(from.altitude_m, to.altitude_m) + stray.vertical_m};
+          HeightRange height{kNan, kNan};
+          if (needs_ground) {
+            const Sweep low = sweep_surface(map.terrain_m, from, to, 0.0);
+            PathPoint turned_from = from;
+            PathPoint turned_to = to;
+            turned_from.altitude_m = -from.altitude_m;
+            turned_to.altitude_m = -to.altitude_m;
+            const Sweep high = sweep_surface(*turned_terrain_m, turned_from, turned_to, 0.0);
+            // Any unknown ground on the way: heights are unknown.
+            if (std::isnan(low.unknown_at) && std::isnan(low.outside_at)) {
+              height = {low.clearance_min_m - stray.vertical_m,
+                        -high.clearance_min_m + stray.vertical_m};
+            }
+          }
+          if (may_lie_within(area, altitude, height)) {
+            depths.add(i, -*depth_m);
+          }
+        });
+  }
+  depths.tell("no_fly_area", states, 0.0, findings);
 }
 
 }  // namespace
@@ -518,7 +638,10 @@ flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory
                    demands.required_clearance_m);
     }
   }
-  check_wires(map, states, step_s, demands.required_clearance_m, findings);
+  const PieceBlocks pieces(states, step_s);
+  check_wires(map, states, pieces, demands.required_clearance_m, findings);
+  check_obstacles(map, states, pieces, demands.required_clearance_m, findings);
+  check_areas(map, states, pieces, findings);
 
   if (length_m > 0.0) {
     verdict.share_under_ceiling = std::min(low_m / length_m, 1.0);

@@ -29,7 +29,9 @@ Demands read_demands(ConfigReader& reader);
 /// millimetres.
 ///
 /// Rules, by the names in the verdict: `clearance`, `wire_clearance` (distance to the curtain below
-/// the straight conductor of each power line), `unknown_surface`, `outside_map`; `bank`,
+/// the straight conductor of each overhead line), `obstacle_clearance` (distance to the cylinder of
+/// each obstacle), `no_fly_area` (minus the distance to the edge of the hard area that is entered),
+/// `unknown_surface`, `outside_map`; `bank`,
 /// `roll_rate`, `pitch`, `climb_rate`, `descent_rate`, `vertical_acceleration`, `speed_min`,
 /// `speed_max`; `start`, `goal`, `share_under_ceiling`; `surface_column`, `terrain_column`;
 /// `states`, `finite`, `time_step`; `continuity_position`, `_altitude`, `_heading`, `_bank`,

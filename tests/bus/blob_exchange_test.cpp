@@ -347,8 +347,8 @@ map::Map random_map(std::mt19937_64& random, int columns, int rows) {
   map.crs_wkt = "PROJCRS[\"some\"]";
   map.label = "SYNTHETIC";
   map.attributions = {"first line", "second line"};
-  map.power_lines = {{5, {{{10.0, 20.0}, 30.0}, {{40.5, 50.0}, 25.0}}},
-                     {-6, {{{1.0, 2.0}, 3.0}, {{4.0, 5.0}, 6.0}, {{7.0, 8.0}, 9.0}}}};
+  map.overhead_lines = {{5, {{{10.0, 20.0}, 30.0}, {{40.5, 50.0}, 25.0}}},
+                        {-6, {{{1.0, 2.0}, 3.0}, {{4.0, 5.0}, 6.0}, {{7.0, 8.0}, 9.0}}}};
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       map.surface_m.at(column, row) += static_cast<float>(random() % 100) / 64.0F;

@@ -174,6 +174,16 @@ class BadInputOfPrepare(CliTest):
         inputs.write_osm(bare, '<?xml version="1.0"?>\n<osm version="0.6"></osm>\n')
         self.assert_refused(self.prepare(self.hgt, "--osm", bare), 5, ["bare.osm"], advice="node")
 
+    def test_obstacle_file_with_a_line_that_cannot_be_read(self):
+        table = self.work / "masts.csv"
+        table.write_text("latitude,longitude,height_m\n49.54,11.45,80\n49.54,11.46,tall\n")
+        self.assert_refused(self.prepare(self.hgt, "--obstacles", table), 5, ["masts.csv:3", "tall"], advice="correct")
+
+    def test_airspace_with_a_line_that_cannot_be_read(self):
+        airspace = self.work / "airspace.txt"
+        airspace.write_text("AC R\nAN one\nAL as agreed\n")
+        self.assert_refused(self.prepare(self.hgt, "--areas", airspace), 5, ["airspace.txt:3", "as agreed"], advice="correct")
+
     def test_land_use_that_ends_in_the_middle(self):
         text = inputs.land_use()
         cut = self.work / "cut.osm"
@@ -500,12 +510,12 @@ class Help(CliTest):
 
 
 class Json(CliTest):
-    def one_object(self, *arguments, allowed=(0,)):
+    def one_object(self, *arguments, allowed=(0,), schema_version=1):
         result = self.hedgehop(*arguments, "--json")
         self.assertIn(result.returncode, allowed, result.stderr)
         found = json.loads(result.stdout)
         self.assertIsInstance(found, dict)
-        self.assertEqual(found["schema_version"], 1)
+        self.assertEqual(found["schema_version"], schema_version)
         return found
 
     def test_prepare(self):
@@ -515,6 +525,19 @@ class Json(CliTest):
         # the frame of a UTM zone is turned a little against north
         self.assertTrue(140 <= found["columns"] <= 155, found["columns"])
         self.assertTrue(144 <= found["rows"] <= 159, found["rows"])
+
+    def test_obstacles_and_areas_reach_info_and_plan(self):
+        table, airspace = self.work / "masts.csv", self.work / "airspace.txt"
+        table.write_text("latitude,longitude,height_m,accuracy\n49.54,11.45,80,1A\n40.0,11.45,80,1A\n")
+        airspace.write_text("AC R\nAN ED-R 5\nAL GND\nAH FL 65\nV X=49:30:36 N 011:25:12 E\nDC 0.5\n"
+                            "AC Q\nAN ED-D 6\nV X=49:33:00 N 011:28:00 E\nDC 0.5\n")
+        self.one_object(*self.prepare(self.hgt, "--obstacles", table, "--areas", airspace))
+        found = self.one_object("info", self.work / "map", schema_version=2)
+        features = found["statistics"]["features"]
+        self.assertEqual((features["obstacles"], features["no_fly_areas"], features["avoid_areas"]), (1, 1, 1))
+        text = self.hedgehop("info", self.work / "map").stdout
+        self.assertRegex(text, r"(?m)^obstacles +1$")
+        self.assertRegex(text, r"(?m)^no-fly areas +1$")
 
     def test_plan_verify_and_report(self):
         plan = self.one_object(*self.plan_arguments(), allowed=(0, 4))
@@ -606,7 +629,7 @@ class Json(CliTest):
             self.assertIn("--simd", result.stderr)
 
     def test_info(self):
-        found = self.one_object("info", self.map)
+        found = self.one_object("info", self.map, schema_version=2)  # that of the map
         self.assertRegex(found["map_hash"], "^[0-9a-f]{32}$")
         self.one_object("info", self.map, "--at", START)
 

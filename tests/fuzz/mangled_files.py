@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Feeds `hedgehop prepare` files that were damaged in a thousand ways; run by scripts/fuzz.
 
-Each round damages one valid input (elevation, OpenStreetMap, vectors, mapping) and prepares a small
-map with it. The program must end by itself, with exit code 0, 2 or 5, say something on stderr when it
+Each round damages one valid input (elevation, OpenStreetMap, vectors, mapping, obstacles, areas) and
+prepares a small map with it. The program must end by itself, with exit code 0, 2 or 5, say something on stderr when it
 refuses, leave no output behind then, and a bundle that `hedgehop info` reads when it does not.
 
   mangled_files.py --hedgehop PROGRAM [--seconds N] [--seed N] [--keep FOLDER]
@@ -39,6 +39,11 @@ GEOJSON = """{"type": "FeatureCollection", "name": "land", "features": [
  {"type": "LineString", "coordinates": [[11.45, 49.545], [11.46, 49.546], [11.48, 49.54]]}}]}
 """
 
+AREAS = """{"type": "FeatureCollection", "name": "areas", "features": [
+{"type": "Feature", "properties": {"name": "one", "kind": "no_fly", "floor": "GND", "ceiling": "FL 65"}, "geometry":
+ {"type": "Polygon", "coordinates": [[[11.45, 49.53], [11.46, 49.53], [11.46, 49.54], [11.45, 49.53]]]}}]}
+"""
+
 
 def make_inputs(folder):
     """Valid files; returns cases: (name of the file to damage, arguments with {} in its place)."""
@@ -67,6 +72,18 @@ def make_inputs(folder):
     mapping = str(folder / "mapping.yaml")
     cases += [(name, ["--dem", good, "--vectors", "{}", "--mapping", mapping])
               for name in ("land.geojson", "land.gpkg", "land.shp", "land.kml", "land.fgb")]
+    corpus = pathlib.Path(__file__).resolve().parent / "corpus"
+    shutil.copy(corpus / "obstacle_file_fuzz" / "columns.dat", folder / "dof.dat")
+    (folder / "masts.csv").write_text("lat,lon,height_m,accuracy,name\n49.54,11.46,80,1A,one\n49.545,11.47,60,5D,two\n")
+    (folder / "airspace.txt").write_text("AC R\nAN one\nAL 100 ft AGL\nAH FL 65\nV X=49:32:24 N 011:27:36 E\nDC 0.5\n"
+                                         "AC Q\nDP 49:32:00 N 011:27:00 E\nDP 49:32:30 N 011:28:00 E\nDP 49:33:00 N 011:27:00 E\n")
+    (folder / "areas.geojson").write_text(AREAS)
+    for name, driver in (("areas.gpkg", "GPKG"), ("areas.kml", "KML")):
+        subprocess.run(["ogr2ogr", "-f", driver, "-nln", "areas", str(folder / name), str(folder / "areas.geojson")],
+                       check=True, stderr=subprocess.DEVNULL)
+    cases += [(name, ["--dem", good, "--obstacles", "{}"]) for name in ("dof.dat", "masts.csv")]
+    cases += [(name, ["--dem", good, "--areas", "{}"])
+              for name in ("airspace.txt", "areas.geojson", "areas.gpkg", "areas.kml")]
     cases += [("mapping.yaml", ["--dem", good, "--vectors", str(folder / "land.gpkg"), "--mapping", "{}"])]
     return cases
 

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "local_planning/local_planning_setup.hpp"
+#include "local_planning/surroundings.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/rough_terrain.hpp"
 #include "support/test_map.hpp"
@@ -103,6 +104,37 @@ TEST(LocalPlanner, TowerTooSteepToFlyOverIsFlownAround) {
   }
   EXPECT_GT(aside_m, 60.0);
   EXPECT_LE(distance_to_goal_m(flight, guide), 50.0);
+}
+
+TEST(Surroundings, HardAreasAreWallsOrGroundAndHighOnesAreNothing) {
+  map::Map map = test::make_map(60, 60, 30.0, [](double, double) { return 100.0; });
+  const auto strip = [](double west_m, double floor_m, double ceiling_m) {
+    map::Area area;
+    area.floor = {floor_m, map::AreaLimit::Reference::kAmsl};
+    area.ceiling = {ceiling_m, map::AreaLimit::Reference::kAmsl};
+    area.polygons = {{{{west_m, 0.0},
+                       {west_m + 20.0, 0.0},
+                       {west_m + 20.0, 1800.0},
+                       {west_m, 1800.0},
+                       {west_m, 0.0}},
+                      {}}};
+    return area;
+  };
+  const double infinity = std::numeric_limits<double>::infinity();
+  map.areas = {strip(305.0, -infinity, infinity), strip(605.0, 120.0, 180.0),
+               strip(905.0, 200.0, infinity)};
+  test::finish_map(map);
+  const risk::CostModel costs = test::test_costs(map);
+  const Surroundings around(costs, 350.0, 40.0, 1.0, 1.0);
+  const auto surface_m = [&](double x_m) {
+    return around.surface_m().at(around.geometry().cell_at({x_m, 915.0}));
+  };
+  EXPECT_EQ(surface_m(315.0), Surroundings::kBlockedAltitude_m);
+  EXPECT_EQ(surface_m(615.0), 180.0F);
+  EXPECT_EQ(surface_m(915.0), 100.0F);
+  EXPECT_EQ(surface_m(345.0), 100.0F);
+  EXPECT_EQ(around.dilated_m({345.0, 915.0}), 100.0);  // a wall is nothing to climb over
+  EXPECT_EQ(around.dilated_m({645.0, 915.0}), 180.0);
 }
 
 TEST(LocalPlanner, RiskOnOneSideBendsTheFlightToTheOther) {

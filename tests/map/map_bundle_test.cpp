@@ -45,10 +45,51 @@ Map sample_map() {
   map.terrain_m.at(52, 0) = map.surface_m.at(52, 0) = std::numeric_limits<float>::quiet_NaN();
   map.visibility.at(52, 0) = kVisibilityUnknown;
   map.visibility.at(1, 2) = test::stored_visibility(0.25);
-  map.power_lines = {
+  map.overhead_lines = {
       {4711, {{{690100.125, 5540100.5}, 30.0}, {{690400.0, 5540300.0}, 42.5}}},
       {-8,
        {{{690000.0, 5540100.0}, 1.0}, {{690001.0, 5540101.0}, 2.0}, {{690002.0, 5540101.0}, 3.0}}}};
+  map.overhead_lines[1].kind = LineKind::kAerialway;
+  map.overhead_lines[1].supports[1].is_pole = false;
+  map.obstacles = {
+      {12, ObstacleKind::kWindTurbine, "a \"b\" ä", {690050.0, 5540070.25}, 80.0, 199.5, 512.125},
+      {-3,
+       ObstacleKind::kOther,
+       "",
+       {690060.0, 5540080.0},
+       0.0,
+       0.0,
+       std::numeric_limits<double>::quiet_NaN()}};
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  map.areas = {{"ED-R 1",
+                "R",
+                true,
+                {-kInfinity, AreaLimit::Reference::kAmsl},
+                {1524.0, AreaLimit::Reference::kAmsl},
+                {{{{690000.0, 5540010.0},
+                   {690900.0, 5540010.0},
+                   {690900.0, 5540910.0},
+                   {690000.0, 5540910.0},
+                   {690000.0, 5540010.0}},
+                  {{{690100.0, 5540110.0},
+                    {690100.0, 5540210.0},
+                    {690200.0, 5540210.0},
+                    {690100.0, 5540110.0}}}},
+                 {{{691000.0, 5540010.0},
+                   {691100.5, 5540010.0},
+                   {691100.0, 5540110.0},
+                   {691000.0, 5540010.0}},
+                  {}}}},
+               {"quiet",
+                "avoid",
+                false,
+                {30.0, AreaLimit::Reference::kAboveGround},
+                {kInfinity, AreaLimit::Reference::kAboveGround},
+                {{{{690300.0, 5540310.0},
+                   {690400.0, 5540310.0},
+                   {690400.0, 5540410.0},
+                   {690300.0, 5540310.0}},
+                  {}}}}};
   map.attributions = {"(c) someone", "ä second line"};
   map.label = "TEST REGION";
   test::finish_map(map);
@@ -89,10 +130,29 @@ TEST_F(BundleOnDisk, ReadsBackAsTheSameMap) {
   EXPECT_EQ(back.geometry, map_.geometry);
   EXPECT_EQ(back.label, "TEST REGION");
   EXPECT_EQ(back.attributions, map_.attributions);
-  ASSERT_EQ(back.power_lines.size(), 2U);
-  EXPECT_EQ(back.power_lines[0].source_id, 4711);
-  EXPECT_EQ(back.power_lines[0].poles[1].height_m, 42.5);
-  EXPECT_EQ(back.power_lines[1].poles[2].point.x_m, 690002.0);
+  ASSERT_EQ(back.overhead_lines.size(), 2U);
+  EXPECT_EQ(back.overhead_lines[0].source_id, 4711);
+  EXPECT_EQ(back.overhead_lines[0].supports[1].height_m, 42.5);
+  EXPECT_EQ(back.overhead_lines[1].supports[2].point.x_m, 690002.0);
+  EXPECT_EQ(back.overhead_lines[1].kind, LineKind::kAerialway);
+  EXPECT_TRUE(back.overhead_lines[1].supports[0].is_pole);
+  EXPECT_FALSE(back.overhead_lines[1].supports[1].is_pole);
+  ASSERT_EQ(back.obstacles.size(), 2U);
+  EXPECT_EQ(back.obstacles[0].kind, ObstacleKind::kWindTurbine);
+  EXPECT_EQ(back.obstacles[0].name, "a \"b\" ä");
+  EXPECT_EQ(back.obstacles[0].top_m, 512.125);
+  EXPECT_TRUE(std::isnan(back.obstacles[1].top_m));
+  ASSERT_EQ(back.areas.size(), 2U);
+  EXPECT_EQ(back.areas[0].name, "ED-R 1");
+  EXPECT_TRUE(back.areas[0].is_hard);
+  EXPECT_EQ(back.areas[0].floor, map_.areas[0].floor);
+  EXPECT_EQ(back.areas[0].ceiling, map_.areas[0].ceiling);
+  ASSERT_EQ(back.areas[0].polygons.size(), 2U);
+  EXPECT_EQ(back.areas[0].polygons[0].holes.size(), 1U);
+  EXPECT_EQ(back.areas[0].polygons[1].outer[1].x_m, 691100.5);
+  EXPECT_FALSE(back.areas[1].is_hard);
+  EXPECT_EQ(back.areas[1].floor, map_.areas[1].floor);
+  EXPECT_EQ(back.areas[1].ceiling, map_.areas[1].ceiling);
   EXPECT_TRUE(std::isnan(back.terrain_m.at(52, 0)));
   EXPECT_EQ(visibility_share(back.visibility.at(1, 2)), map_.visibility.at(1, 2) / 65534.0);
 }
@@ -224,8 +284,9 @@ TEST_F(BundleOnDisk, RefusesAFolderThatIsNoBundle) {
 }
 
 TEST_F(BundleOnDisk, RefusesAnotherSchemaVersionOrSomeOtherJson) {
-  replace_in_manifest(folder_.path(), "/schema_version", 2);
-  EXPECT_THAT(refusal_of(folder_.path()), HasSubstr("schema version 2"));
+  replace_in_manifest(folder_.path(), "/schema_version", kMapSchemaVersion + 1);
+  EXPECT_THAT(refusal_of(folder_.path()),
+              HasSubstr("schema version " + std::to_string(kMapSchemaVersion + 1)));
   std::ofstream(folder_.path() / kMapManifestFile) << "{}";
   EXPECT_THAT(refusal_of(folder_.path()), HasSubstr("not the manifest"));
   std::ofstream(folder_.path() / kMapManifestFile) << std::string(100000, '[');

@@ -124,6 +124,45 @@ TEST_F(OsmFiles, PowerLinesKeepTheOrderOfTheirSupportsAndTheirHeights) {
   EXPECT_FALSE(land_use.power_lines[1].supports[1].height_m);
 }
 
+TEST_F(OsmFiles, PolesAreToldFromOtherVerticesAndCablesInTheGroundAreNoWires) {
+  const LandUse land_use =
+      read(document(node(1, 0, 0, tag("power", "pole")) + node(2, 3, 1) +
+                    node(3, 6, 5, tag("aerialway", "pylon") + tag("height", "30 m")) +
+                    node(4, 7, 7) + way(9, {1, 2}, tag("power", "line")) +
+                    way(10, {1, 2}, tag("power", "minor_line") + tag("location", "underground")) +
+                    way(11, {2, 3, 4}, tag("aerialway", "gondola")) +
+                    way(12, {2, 4}, tag("aerialway", "platter")) +
+                    way(13, {2, 4}, tag("aerialway", "magic_carpet"))));
+  ASSERT_EQ(land_use.power_lines.size(), 3U);
+  EXPECT_FALSE(land_use.power_lines[0].is_aerialway);
+  EXPECT_TRUE(land_use.power_lines[0].supports[0].is_pole);
+  EXPECT_FALSE(land_use.power_lines[0].supports[1].is_pole);
+  EXPECT_TRUE(land_use.power_lines[1].is_aerialway);
+  EXPECT_FALSE(land_use.power_lines[1].is_minor);
+  EXPECT_TRUE(land_use.power_lines[1].supports[1].is_pole);
+  EXPECT_EQ(land_use.power_lines[1].supports[1].height_m, 30.0);
+  EXPECT_TRUE(land_use.power_lines[2].is_aerialway);
+  EXPECT_TRUE(land_use.power_lines[2].is_minor);
+}
+
+TEST_F(OsmFiles, StructuresSayWhatTheyAreAndWindTurbinesHowWide) {
+  const LandUse land_use =
+      read(document(node(1, 0, 0, tag("man_made", "mast")) +
+                    node(2, 1, 0, tag("man_made", "chimney") + tag("height", "90")) +
+                    node(3, 2, 0,
+                         tag("power", "generator") + tag("generator:source", "wind") +
+                             tag("rotor:diameter", "120")) +
+                    node(4, 3, 0, tag("man_made", "water_tower"))));
+  ASSERT_EQ(land_use.lines.size(), 4U);
+  EXPECT_EQ(land_use.lines[0].structure_kind, StructureKind::kMast);
+  EXPECT_EQ(land_use.lines[1].structure_kind, StructureKind::kChimney);
+  EXPECT_EQ(land_use.lines[1].height_m, 90.0);
+  EXPECT_EQ(land_use.lines[2].structure_kind, StructureKind::kWindTurbine);
+  EXPECT_EQ(land_use.lines[2].radius_m, 60.0);
+  EXPECT_EQ(land_use.lines[3].structure_kind, StructureKind::kStructure);
+  EXPECT_FALSE(land_use.lines[3].radius_m);
+}
+
 TEST_F(OsmFiles, AMultipolygonHasItsHole) {
   const LandUse land_use = read(document(
       two_squares() + way(1, {1, 2, 3}, "") + way(2, {3, 4, 1}, "") + way(3, {5, 6, 7, 8, 5}, "") +

@@ -415,21 +415,112 @@ TEST(MapTiles, TableOfAnotherMapOrSizeIsRefused) {
   EXPECT_THROW(encode_map_tile_table({5, 6}, tiling, tiles), std::invalid_argument);
 }
 
-TEST(MapTiles, SupportsOfPowerLinesMustAddUp) {
+TEST(MapTiles, SupportsOfOverheadLinesMustAddUp) {
   map::Map map = test::make_map(20, 20, 10.0, [](double, double) { return 0.0; });
-  map.power_lines = {{9, {{{1.0, 2.0}, 30.0}, {{3.0, 4.0}, 31.0}}}};
+  map.overhead_lines = {{9, {{{1.0, 2.0}, 30.0}, {{3.0, 4.0}, 31.0}}}};
   test::finish_map(map);
   const Bytes good = encode_map_features(map);
   map_features_t wire{};
   wire.decode(good.data(), 0, static_cast<int>(good.size()));
-  wire.power_line_pole_count[0] = 3;
+  wire.overhead_line_support_count[0] = 3;
   map::Map copy;
   EXPECT_THROW(decode_map_features(bytes_of_wire(wire), map.hash, copy), MessageError);
-  wire.power_line_pole_count[0] = 1;
+  wire.overhead_line_support_count[0] = 1;
   EXPECT_THROW(decode_map_features(bytes_of_wire(wire), map.hash, copy), MessageError);
-  wire.power_line_pole_count[0] = 2;
-  wire.pole_x_m[1] = kNan;
+  wire.overhead_line_support_count[0] = 2;
+  wire.support_x_m[1] = kNan;
   EXPECT_THROW(decode_map_features(bytes_of_wire(wire), map.hash, copy), MessageError);
+}
+
+map::Map map_with_features() {
+  map::Map map = test::make_map(20, 20, 10.0, [](double, double) { return 0.0; });
+  map.overhead_lines = {
+      {9, {{{1.0, 2.0}, 30.0}, {{3.0, 4.0}, 31.0, false}}, map::LineKind::kAerialway}};
+  map.obstacles = {{7, map::ObstacleKind::kChimney, "one", {5.0, 6.0}, 7.0, 8.0, kNan},
+                   {-8, map::ObstacleKind::kMast, "", {9.0, 10.0}, 11.0, 12.0, 13.0}};
+  using Reference = map::AreaLimit::Reference;
+  map.areas = {{"a",
+                "R",
+                true,
+                {-kInfinity, Reference::kAboveGround},
+                {100.0, Reference::kAmsl},
+                {{{{1, 1}, {2, 1}, {2, 2}, {1, 1}}, {{{3, 3}, {4, 3}, {4, 4}, {3, 3}}}},
+                 {{{5, 5}, {6, 5}, {6, 6}, {5, 6}, {5, 5}}, {}}}},
+               {"b",
+                "Q",
+                false,
+                {20.0, Reference::kAboveGround},
+                {kInfinity, Reference::kAmsl},
+                {{{{7, 7}, {8, 7}, {8, 8}, {7, 7}}, {}}}}};
+  test::finish_map(map);
+  return map;
+}
+
+TEST(MapTiles, FeaturesArriveAsTheyWere) {
+  const map::Map map = map_with_features();
+  map::Map copy = map;
+  copy.overhead_lines.clear();
+  copy.obstacles.clear();
+  copy.areas.clear();
+  EXPECT_NE(map::map_hash(copy), map.hash);
+  decode_map_features(encode_map_features(map), map.hash, copy);
+  EXPECT_EQ(map::map_hash(copy), map.hash);
+}
+
+TEST(MapTiles, EveryPartOfAFeatureIsPartOfTheMapsIdentity) {
+  const map::Map map = map_with_features();
+  const auto differs = [&](const auto& change) {
+    map::Map other = map;
+    change(other);
+    return map::map_hash(other) != map.hash;
+  };
+  EXPECT_TRUE(differs([](map::Map& m) { m.overhead_lines[0].kind = map::LineKind::kPowerLine; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.overhead_lines[0].supports[1].is_pole = true; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.obstacles[0].kind = map::ObstacleKind::kMast; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.obstacles[0].name = "two"; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.obstacles[0].point.y_m += 1.0; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.obstacles[0].radius_m += 1.0; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.obstacles[1].height_m += 1.0; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.obstacles[1].top_m += 1.0; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.areas[0].name = "c"; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.areas[0].kind = "P"; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.areas[0].is_hard = false; }));
+  EXPECT_TRUE(
+      differs([](map::Map& m) { m.areas[1].floor.reference = map::AreaLimit::Reference::kAmsl; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.areas[0].ceiling.value_m += 1.0; }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.areas[0].polygons[0].holes.clear(); }));
+  EXPECT_TRUE(differs([](map::Map& m) { m.areas[0].polygons[1].outer[1].x_m += 1.0; }));
+}
+
+TEST(MapTiles, FeaturesThatDoNotAddUpAreRefused) {
+  const map::Map map = map_with_features();
+  const Bytes good = encode_map_features(map);
+  const auto refuses = [&](const auto& change) {
+    map_features_t wire{};
+    wire.decode(good.data(), 0, static_cast<int>(good.size()));
+    change(wire);
+    map::Map copy;
+    try {
+      decode_map_features(bytes_of_wire(wire), map.hash, copy);
+    } catch (const MessageError&) {
+      return true;
+    }
+    return false;
+  };
+  EXPECT_FALSE(refuses([](map_features_t&) {}));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.overhead_line_kind[0] = 3; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.support_is_pole[0] = 2; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.obstacle_kind[0] = -1; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.obstacle_radius_m[0] = -1.0; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.obstacle_height_m[0] = kNan; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.obstacle_name[0] = "a\x01"; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.area_floor_m[0] = kNan; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.area_ring_count[0] = 2; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.area_ring_count[1] = 2; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.ring_is_hole[0] = 1; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.ring_corner_count[0] = 3; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.ring_corner_count[3] = 5; }));
+  EXPECT_TRUE(refuses([](map_features_t& w) { w.corner_x_m[3] = kNan; }));
 }
 
 }  // namespace

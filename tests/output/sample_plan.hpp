@@ -71,10 +71,10 @@ inline map::Map make_sample_map() {
                            0.0, 1.0));
     }
   }
-  map.power_lines.push_back({17,
-                             {{{kWest_m + 3000.0, kSouth_m + 500.0}, 40.0},
-                              {{kWest_m + 4200.0, kSouth_m + 4500.0}, 45.0},
-                              {{kWest_m + 4500.0, kSouth_m + 8500.0}, 42.0}}});
+  map.overhead_lines.push_back({17,
+                                {{{kWest_m + 3000.0, kSouth_m + 500.0}, 40.0},
+                                 {{kWest_m + 4200.0, kSouth_m + 4500.0}, 45.0},
+                                 {{kWest_m + 4500.0, kSouth_m + 8500.0}, 42.0}}});
   finish_map(map);
   return map;
 }

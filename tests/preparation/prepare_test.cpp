@@ -191,8 +191,8 @@ TEST_F(Prepare, PutsEveryObjectOnTheGroundAndEveryBitIntoItsCell) {
   EXPECT_TRUE(has(map, cell(map, 499350, y - 900), SemanticClass::kPowerLine));
   EXPECT_EQ(above_terrain_m(map, 500550, y - 1150), 0.0);
   EXPECT_TRUE(has(map, cell(map, 500550, y - 1150), SemanticClass::kWater));
-  ASSERT_EQ(map.power_lines.size(), 1U);
-  EXPECT_EQ(map.power_lines[0].poles[0].height_m, 50.0);
+  ASSERT_EQ(map.overhead_lines.size(), 1U);
+  EXPECT_EQ(map.overhead_lines[0].supports[0].height_m, 50.0);
   const auto provenance = nlohmann::json::parse(result.provenance_json);
   // Tagged: forest and one support; levels: the house; guessed: the tree and the other support.
   EXPECT_NEAR(provenance["guessed_height_share"].get<double>(), 2.0 / 5.0, 1e-6);
@@ -213,6 +213,52 @@ TEST_F(Prepare, NothingFliesUnderALineAcrossAValley) {
       prepared({{elevation(height_m)}, {path("a.osm")}, sheet_, {}, "", "", {}, 1}).map;
   EXPECT_NEAR(static_cast<double>(map.surface_m.at(cell(map, 500000, y))), 540.0, 0.1);
   EXPECT_NEAR(static_cast<double>(map.surface_m.at(cell(map, 500000, y + 90))), 300.0, 0.1);
+}
+
+TEST_F(Prepare, ObstacleAndAreaFilesEndUpInTheMap) {
+  const double y = 5538630.0;
+  const geo::MapProjection projection("EPSG:32632");
+  const auto degrees = [&](double x_m, double y_m) {
+    const geo::GeodeticPosition p = projection.to_geodetic({x_m, y_m});
+    char text[80];
+    std::snprintf(text, sizeof text, "%.9f,%.9f", degrees_from_radians(p.latitude_rad),
+                  degrees_from_radians(p.longitude_rad));
+    return std::string(text);
+  };
+  std::ofstream(path("o.csv"))
+      << "latitude,longitude,height_m,horizontal_error_m,vertical_error_m\n"
+      << degrees(500000, y) << ",80,25,4\n"
+      << degrees(560000, y) << ",80,25,4\n";
+  std::ofstream(path("a.txt")) << "AC R\nAN inside\nAL 100 ft AGL\nAH FL 65\n"
+                                  "V X=50:00:00 N 009:00:00 E\nDC 0.3\n"
+                                  "AC D\nAN controlled\nV X=50:00:00 N 009:00:00 E\nDC 0.3\n"
+                                  "AC Q\nAN danger\nV X=50:00:00 N 009:00:00 E\nDC 0.3\n";
+  PrepareRequest request{
+      {elevation([](double, double) { return 400.0; })}, {}, sheet_, {}, "", "", {}, 1};
+  request.obstacle_files = {path("o.csv")};
+  request.area_files = {path("a.txt")};
+  const PreparedMap result = prepared(request);
+  const map::Map& map = result.map;
+  ASSERT_EQ(map.obstacles.size(), 1U);
+  EXPECT_EQ(map.obstacles[0].radius_m, 25.0 + options_.obstacles.safety_radius_m);
+  EXPECT_NEAR(map.obstacles[0].top_m, 484.0, 1e-9);
+  EXPECT_EQ(above_terrain_m(map, 500000, y), 84.0);
+  EXPECT_EQ(above_terrain_m(map, 500034, y), 84.0);
+  EXPECT_EQ(above_terrain_m(map, 500090, y), 0.0);
+  EXPECT_TRUE(has(map, cell(map, 500000, y), SemanticClass::kObstacle));
+  ASSERT_EQ(map.areas.size(), 2U);
+  EXPECT_EQ(map.areas[0].name, "inside");
+  EXPECT_TRUE(map.areas[0].is_hard);
+  EXPECT_NEAR(map.areas[0].floor.value_m, 30.48, 1e-9);
+  EXPECT_EQ(map.areas[0].floor.reference, map::AreaLimit::Reference::kAboveGround);
+  EXPECT_NEAR(map.areas[0].ceiling.value_m, 1981.2, 1e-9);
+  EXPECT_FALSE(map.areas[1].is_hard);
+  EXPECT_THAT(listener_.notes, HasSubstr("1 areas are left out"));
+  const auto provenance = nlohmann::json::parse(result.provenance_json);
+  EXPECT_EQ(provenance["obstacle_file_statistics"]["records"], 2);
+  EXPECT_EQ(provenance["areas_left_out_by_kind"]["D"], 1);
+  EXPECT_EQ(provenance["inputs"][1]["kind"], "obstacles");
+  EXPECT_EQ(provenance["inputs"][2]["kind"], "areas");
 }
 
 TEST_F(Prepare, SettlementsCloseTheirStreetsAndGetRingsBySize) {

@@ -232,6 +232,59 @@ TEST(CostModel, AStepThatIsNotPositiveIsRefused) {
                std::invalid_argument);
 }
 
+TEST(CostModel, SoftAreasCostBetweenTheirLimitsAndOnlyThere) {
+  map::Map map = half_seen_plain();
+  map::Area area;
+  area.is_hard = false;
+  area.floor = {30.0, map::AreaLimit::Reference::kAboveGround};
+  area.ceiling = {200.0, map::AreaLimit::Reference::kAmsl};
+  area.polygons = {{{{600, 0}, {1500, 0}, {1500, 3000}, {600, 3000}, {600, 0}}, {}}};
+  map.areas = {area};
+  test::finish_map(map);
+  const CostModel costs(map, {0.0, 0.0, 4.0, 0.0}, SemanticCostTable({}, 0.1, 0.75), 1.0);
+  const geo::MapPoint inside{1000.0, 1500.0};
+  EXPECT_NEAR(costs.semantics(inside, 140.0), 0.75, 1e-6);
+  EXPECT_NEAR(costs.semantics(inside, 129.0), 0.1, 1e-6);
+  EXPECT_NEAR(costs.semantics(inside, 201.0), 0.1, 1e-6);
+  EXPECT_NEAR(costs.semantics({1600.0, 1500.0}, 140.0), 0.1, 1e-6);
+  EXPECT_NEAR(costs.density(inside, 40.0), 1.0 + 4.0 * 0.75, 1e-6);
+  EXPECT_NEAR(costs.density(inside, 20.0), 1.0 + 4.0 * 0.1, 1e-6);
+  // 900 of 1200 m of a leg lie inside; below the floor none.
+  EXPECT_NEAR(costs.route_cost({{450, 900, 150.0}, {1650, 900, 150.0}}, 1.0).semantics_m,
+              4.0 * (900.0 * 0.75 + 300.0 * 0.1), 1e-2);
+  EXPECT_NEAR(costs.route_cost({{450, 900, 120.0}, {1650, 900, 120.0}}, 1.0).semantics_m,
+              4.0 * 1200.0 * 0.1, 1e-2);
+  // The layer answers for the reference height, which lies below the floor.
+  EXPECT_NEAR(costs.semantics(inside), 0.1, 1e-6);
+  map.areas[0].floor.value_m = 10.0;
+  test::finish_map(map);
+  const CostModel lower(map, {0.0, 0.0, 4.0, 0.0}, SemanticCostTable({}, 0.1, 0.75), 1.0);
+  EXPECT_NEAR(lower.semantics(inside), 0.75, 1e-6);
+  EXPECT_NEAR(lower.semantics({1600.0, 1500.0}), 0.1, 1e-6);
+}
+
+TEST(CostModel, PlannersDoNotSeeALureButMeasuresDo) {
+  map::Map map = half_seen_plain();
+  map.visibility.at(50, 50) = 0;
+  const geo::MapPoint lure = map.geometry.centre({50, 50});
+  const CostModel costs(map, {16.0, 0.0, 0.0, 0.0}, kFree, 1.0, std::nullopt, 90.0);
+  EXPECT_NEAR(costs.visibility(lure), 0.5, 1e-4);
+  EXPECT_NEAR(costs.density(lure, kReference_m), 1.0 + 16.0 * 0.25, 1e-3);
+  EXPECT_EQ(CostModel(map, {16.0, 0.0, 0.0, 0.0}, kFree, 1.0).visibility(lure), 0.0);
+  flight::Trajectory trajectory;
+  trajectory.step_s = 0.5;
+  for (int k = 0; k <= 2; ++k) {  // 20 m inside the cell
+    flight::FlightState state;
+    state.time_s = 0.5 * k;
+    state.x_m = lure.x_m - 10.0 + 10.0 * k;
+    state.y_m = lure.y_m;
+    state.surface_m = 100.0;
+    state.altitude_m = 100.0 + kReference_m;
+    trajectory.states.push_back(state);
+  }
+  EXPECT_EQ(costs.measures(trajectory, 120.0).visibility_m, 0.0);
+}
+
 TEST(CostModel, MeasuresOfASteadyFlightAreItsIntegrals) {
   const map::Map map = half_seen_plain();
   const CostModel costs(map, {25.0, 0.02, 4.0, 0.01}, kFree, 1.0);

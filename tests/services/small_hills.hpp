@@ -37,9 +37,9 @@ inline map::Map small_hills() {
       }
     }
   }
-  map.power_lines = {{7,
-                      {{{kHillsWest_m + 3000.0, kHillsSouth_m + 100.0}, 30.0},
-                       {{kHillsWest_m + 3300.0, kHillsSouth_m + 400.0}, 30.0}}}};
+  map.overhead_lines = {{7,
+                         {{{kHillsWest_m + 3000.0, kHillsSouth_m + 100.0}, 30.0},
+                          {{kHillsWest_m + 3300.0, kHillsSouth_m + 400.0}, 30.0}}}};
   finish_map(map);
   return map;
 }

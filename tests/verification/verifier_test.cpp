@@ -492,9 +492,9 @@ TEST_F(Verify, FindsAFlightOverAVoidThatItsStatesJumpOver) {
 
 TEST_F(Verify, FindsAPassThroughAWireWhereItIs) {
   map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 100.0; });
-  map::PowerLine line;
-  line.poles = {{{2000.0, 3000.0}, 30.0}, {{2600.0, 3000.0}, 30.0}, {{3200.0, 3000.0}, 30.0}};
-  map.power_lines = {line};
+  map::OverheadLine line;
+  line.supports = {{{2000.0, 3000.0}, 30.0}, {{2600.0, 3000.0}, 30.0}, {{3200.0, 3000.0}, 30.0}};
+  map.overhead_lines = {line};
   test::finish_map(map);
   Manoeuvre manoeuvre;
   manoeuvre.x_m = 2300.0;
@@ -515,11 +515,105 @@ TEST_F(Verify, FindsAPassThroughAWireWhereItIs) {
   }
 }
 
+TEST_F(Verify, FindsAMastThatTheInterpolatedSurfaceLoses) {
+  // GIVEN a mast of 60 m between four cell centres of a flat map whose surface knows nothing of it
+  map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 100.0; });
+  map::Obstacle mast;
+  mast.kind = map::ObstacleKind::kMast;
+  mast.point = {2300.0, 3000.0};
+  mast.radius_m = 12.0;
+  mast.height_m = 60.0;
+  mast.top_m = 160.0;
+  map.obstacles = {mast};
+  test::finish_map(map);
+  Manoeuvre manoeuvre;
+  manoeuvre.y_m = 2801.0;
+  manoeuvre.duration_s = 10.0;
+  // WHEN a flight to the north passes it at different distances and heights
+  struct Pass {
+    double x_m, altitude_m, clear_m;
+  };
+  for (const Pass& pass :
+       {Pass{2300.0, 130.0, 0.0}, Pass{2320.0, 130.0, 8.0}, Pass{2323.0, 130.0, 11.0},
+        Pass{2305.0, 165.0, 5.0}, Pass{2305.0, 171.0, 11.0}, Pass{2318.0, 168.0, 10.0}}) {
+    manoeuvre.x_m = pass.x_m;
+    manoeuvre.altitude_m = pass.altitude_m;
+    const flight::Verdict verdict = verdict_of(map, fly(manoeuvre, map));
+    // THEN it is found where less than the required 10 m are left, at y = 3000 after 4.975 s
+    if (pass.clear_m > 10.0) {
+      EXPECT_TRUE(verdict.is_verified) << list_of(verdict);
+    } else if (pass.clear_m < 10.0) {
+      expect_found(verdict, "obstacle_clearance", 4.6, 5.3);
+      EXPECT_NEAR(worst_of(verdict, "obstacle_clearance")->value, pass.clear_m, 1e-3);
+    }
+  }
+  // AND one of unknown height is a barrier
+  map.obstacles[0].top_m = kNan;
+  map.obstacles[0].height_m = kNan;
+  manoeuvre.x_m = 2300.0;
+  manoeuvre.altitude_m = 400.0;
+  expect_found(verdict_of(map, fly(manoeuvre, map)), "obstacle_clearance", 4.6, 5.3);
+}
+
+TEST_F(Verify, FindsAnAreaThatIsEnteredBetweenItsLimits) {
+  map::Map map = test::make_map(kCells, kCells, kCell_m,
+                                [](double x_m, double) { return 100.0 + 0.02 * x_m; });
+  map::Area area;
+  area.name = "R 1";
+  const double infinity = std::numeric_limits<double>::infinity();
+  using Reference = map::AreaLimit::Reference;
+  area.polygons = {{{{2000, 3000}, {2600, 3000}, {2600, 3200}, {2000, 3200}, {2000, 3000}}, {}}};
+  Manoeuvre manoeuvre;
+  manoeuvre.y_m = 2801.0;
+  manoeuvre.duration_s = 10.0;  // crosses y = 3000 after 4.975 s and 3200 after 9.975 s
+  const auto verdict_with = [&](map::AreaLimit floor, map::AreaLimit ceiling, double x_m,
+                                double altitude_m, bool is_hard = true) {
+    area.floor = floor;
+    area.ceiling = ceiling;
+    area.is_hard = is_hard;
+    map.areas = {area};
+    test::finish_map(map);
+    manoeuvre.x_m = x_m;
+    manoeuvre.altitude_m = altitude_m;
+    return verdict_of(map, fly(manoeuvre, map));
+  };
+  const map::AreaLimit ground{-infinity, Reference::kAboveGround};
+  const map::AreaLimit no_end{infinity, Reference::kAmsl};
+  // The ground at x = 2300 lies at 146 m.
+  expect_found(verdict_with(ground, no_end, 2300.0, 200.0), "no_fly_area", 4.9, 10.1);
+  expect_found(verdict_with({190.0, Reference::kAmsl}, no_end, 2300.0, 200.0), "no_fly_area", 4.9,
+               10.1);
+  expect_found(
+      verdict_with({50.0, Reference::kAboveGround}, {60.0, Reference::kAboveGround}, 2300.0, 200.0),
+      "no_fly_area", 4.9, 10.1);
+  // 100 m inside the western and eastern edges at the middle of the crossing, at most.
+  EXPECT_NEAR(worst_of(verdict_with(ground, no_end, 2300.0, 200.0), "no_fly_area")->value, -100.0,
+              1.5);
+  for (const auto& verdict :
+       {verdict_with({201.0, Reference::kAmsl}, no_end, 2300.0, 200.0),
+        verdict_with(ground, {199.0, Reference::kAmsl}, 2300.0, 200.0),
+        verdict_with({56.0, Reference::kAboveGround}, no_end, 2300.0, 200.0),
+        verdict_with(ground, {52.0, Reference::kAboveGround}, 2300.0, 200.0),
+        verdict_with(ground, no_end, 1999.0, 200.0), verdict_with(ground, no_end, 2601.0, 200.0),
+        verdict_with(ground, no_end, 2300.0, 200.0, false)}) {
+    EXPECT_TRUE(verdict.is_verified) << list_of(verdict);
+  }
+  // A corner cut by centimetres, between two states.
+  area.polygons = {
+      {{{2299.98, 3000}, {2600, 3000}, {2600, 3000.5}, {2299.98, 3000.5}, {2299.98, 3000}}, {}}};
+  EXPECT_NE(worst_of(verdict_with(ground, no_end, 2300.0, 200.0), "no_fly_area"), nullptr);
+  // Flown through a hole.
+  area.polygons = {{{{2000, 2000}, {2600, 2000}, {2600, 4000}, {2000, 4000}, {2000, 2000}},
+                    {{{2250, 2100}, {2350, 2100}, {2350, 3900}, {2250, 3900}, {2250, 2100}}}}};
+  EXPECT_TRUE(verdict_with(ground, no_end, 2300.0, 200.0).is_verified);
+  EXPECT_FALSE(verdict_with(ground, no_end, 2240.0, 200.0).is_verified);
+}
+
 TEST_F(Verify, TakesAWireOfUnknownHeightForABarrier) {
   map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 100.0; });
-  map::PowerLine line;
-  line.poles = {{{2000.0, 3000.0}, kNan}, {{2600.0, 3000.0}, 30.0}};
-  map.power_lines = {line};
+  map::OverheadLine line;
+  line.supports = {{{2000.0, 3000.0}, kNan}, {{2600.0, 3000.0}, 30.0}};
+  map.overhead_lines = {line};
   test::finish_map(map);
   Manoeuvre manoeuvre;
   manoeuvre.x_m = 2300.0;

@@ -1,0 +1,221 @@
+#include "map_sources/area_source.hpp"
+
+#include <cmath>
+#include <fstream>
+#include <gdal_priv.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <limits>
+#include <ogrsf_frmts.h>
+
+#include "base/angles.hpp"
+#include "base/errors.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace hedgehop::map_sources {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+class AreaFiles : public testing::Test {
+ protected:
+  fs::path write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_.path() / name) << text;
+    return folder_.path() / name;
+  }
+  AirspaceList read(const fs::path& path) const {
+    SilentObserver observer;
+    return read_areas({path}, projection_, region_, observer);
+  }
+  std::string refusal_of(const fs::path& path) const {
+    try {
+      (void)read(path);
+    } catch (const DataError& error) {
+      EXPECT_NE(error.hint(), "") << error.what();
+      return error.what();
+    }
+    return "";
+  }
+  geo::MapPoint at_deg(double latitude, double longitude) const {
+    return projection_.to_map({radians_from_degrees(latitude), radians_from_degrees(longitude)});
+  }
+  // By the shoelace formula.
+  static double area_m2(const MapLine& ring) {
+    double twice_m2 = 0.0;
+    for (std::size_t i = 1; i < ring.size(); ++i) {
+      twice_m2 += (ring[i - 1].x_m - ring[0].x_m) * (ring[i].y_m - ring[0].y_m) -
+                  (ring[i].x_m - ring[0].x_m) * (ring[i - 1].y_m - ring[0].y_m);
+    }
+    return std::fabs(0.5 * twice_m2);
+  }
+
+  test::TemporaryFolder folder_;
+  geo::MapProjection projection_{"EPSG:32632"};
+  geo::GeodeticBox region_{radians_from_degrees(11.0), radians_from_degrees(50.0),
+                           radians_from_degrees(11.1), radians_from_degrees(50.1)};
+};
+
+std::string feature(const std::string& properties, const std::string& coordinates,
+                    const std::string& type = "Polygon") {
+  return R"({"type": "Feature", "properties": {)" + properties + R"(}, "geometry": {"type": ")" +
+         type + R"(", "coordinates": )" + coordinates + "}}";
+}
+
+std::string collection(const std::string& features) {
+  return R"({"type": "FeatureCollection", "features": [)" + features + "]}";
+}
+
+const char kSquare[] =
+    "[[[11.02, 50.02], [11.04, 50.02], [11.04, 50.04], [11.02, 50.04], [11.02, 50.02]]]";
+
+TEST_F(AreaFiles, GeoJsonWithHolesAndLimitsInEverySpelling) {
+  const AirspaceList list = read(write(
+      "a.geojson",
+      collection(
+          feature(
+              R"("name": "one", "kind": "no_fly", "floor": "GND", "ceiling": "FL 65")",
+              "[[[11.02, 50.02], [11.04, 50.02], [11.04, 50.04], [11.02, 50.04], [11.02, "
+              "50.02]], [[11.025, 50.025], [11.03, 50.025], [11.03, 50.03], [11.025, 50.025]]]") +
+          "," +
+          feature(R"("NAME": "two", "hard": false, "floor_ft": 1000, "floor_reference": "AGL",
+                  "ceiling_m": 900.5)",
+                  kSquare) +
+          "," + feature(R"("lower": "500 ft AGL", "upper": "1500 m MSL")", kSquare) + "," +
+          feature("", kSquare))));
+  ASSERT_EQ(list.areas.size(), 4U);
+  const AirspaceArea& one = list.areas[0];
+  EXPECT_EQ(one.name, "one");
+  EXPECT_EQ(one.kind, "no_fly");
+  EXPECT_FALSE(one.is_hard);
+  EXPECT_EQ(one.floor, (AltitudeLimit{-kInfinity, true}));
+  EXPECT_NEAR(one.ceiling.value_m, 6500 * 0.3048, 1e-9);
+  ASSERT_EQ(one.polygons.size(), 1U);
+  EXPECT_EQ(one.polygons[0].holes.size(), 1U);
+  EXPECT_EQ(list.areas[1].is_hard, false);
+  EXPECT_EQ(list.areas[1].name, "two");
+  EXPECT_TRUE(list.areas[1].floor.is_above_ground);
+  EXPECT_NEAR(list.areas[1].floor.value_m, 304.8, 1e-9);
+  EXPECT_EQ(list.areas[1].ceiling, (AltitudeLimit{900.5, false}));
+  EXPECT_NEAR(list.areas[2].floor.value_m, 152.4, 1e-9);
+  EXPECT_EQ(list.areas[2].ceiling, (AltitudeLimit{1500.0, false}));
+  EXPECT_EQ(list.areas[3].ceiling.value_m, kInfinity);
+  // The corners lie where the projection puts them, and edges are followed between them.
+  const geo::MapPoint corner = at_deg(50.02, 11.02);
+  EXPECT_TRUE(std::any_of(list.areas[3].polygons[0].outer.begin(),
+                          list.areas[3].polygons[0].outer.end(), [&](const geo::MapPoint& p) {
+                            return std::hypot(p.x_m - corner.x_m, p.y_m - corner.y_m) < 0.002;
+                          }));
+  EXPECT_GE(list.areas[3].polygons[0].outer.size(), 9U);
+}
+
+TEST_F(AreaFiles, KmlIsRead) {
+  const AirspaceList list = read(write(
+      "a.kml",
+      R"(<?xml version="1.0" encoding="UTF-8"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>
+<Placemark><name>Range</name><ExtendedData><Data name="kind"><value>R</value></Data>
+<Data name="ceiling"><value>3000 ft MSL</value></Data></ExtendedData>
+<Polygon><outerBoundaryIs><LinearRing><coordinates>11.02,50.02,0 11.04,50.02,0 11.04,50.04,0
+11.02,50.02,0</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></Document></kml>)"));
+  ASSERT_EQ(list.areas.size(), 1U);
+  EXPECT_EQ(list.areas[0].name, "Range");
+  EXPECT_EQ(list.areas[0].kind, "R");
+  EXPECT_NEAR(list.areas[0].ceiling.value_m, 3000 * 0.3048, 1e-9);
+}
+
+TEST_F(AreaFiles, AGeoPackageInAnotherProjectionLandsOnTheSamePlace) {
+  GDALAllRegister();
+  const fs::path path = folder_.path() / "a.gpkg";
+  const geo::MapProjection other("EPSG:32633");
+  const auto corner = [&](double latitude, double longitude) {
+    return other.to_map({radians_from_degrees(latitude), radians_from_degrees(longitude)});
+  };
+  {
+    GDALDataset* dataset = GetGDALDriverManager()->GetDriverByName("GPKG")->Create(
+        path.c_str(), 0, 0, 0, GDT_Unknown, nullptr);
+    OGRSpatialReference reference;
+    reference.importFromEPSG(32633);
+    OGRLayer* layer = dataset->CreateLayer("areas", &reference, wkbPolygon, nullptr);
+    auto* ring = new OGRLinearRing;
+    for (const auto& [latitude, longitude] :
+         {std::pair(50.02, 11.02), {50.02, 11.04}, {50.04, 11.04}}) {
+      ring->addPoint(corner(latitude, longitude).x_m, corner(latitude, longitude).y_m);
+    }
+    ring->closeRings();
+    OGRPolygon polygon;
+    polygon.addRingDirectly(ring);
+    OGRFeature feature(layer->GetLayerDefn());
+    feature.SetGeometry(&polygon);
+    ASSERT_EQ(layer->CreateFeature(&feature), OGRERR_NONE);
+    GDALClose(dataset);
+  }
+  const AirspaceList list = read(path);
+  ASSERT_EQ(list.areas.size(), 1U);
+  const geo::MapPoint expected = at_deg(50.04, 11.04);
+  double nearest_m = 1e9;
+  for (const geo::MapPoint& p : list.areas[0].polygons.at(0).outer) {
+    nearest_m = std::min(nearest_m, std::hypot(p.x_m - expected.x_m, p.y_m - expected.y_m));
+  }
+  EXPECT_LT(nearest_m, 0.01);
+}
+
+TEST_F(AreaFiles, OpenAirGoesThroughItsOwnParser) {
+  const AirspaceList list =
+      read(write("a.txt",
+                 "AC R\nAN circle\nAL SFC\nAH 5000 ft\nV X=50:03:00 N 011:03:00 E\nDC 1\n"
+                 "AC R\nAN elsewhere\nV X=40:03:00 N 011:03:00 E\nDC 1\n"));
+  EXPECT_EQ(list.record_count, 2);
+  ASSERT_EQ(list.areas.size(), 1U);
+  EXPECT_EQ(list.areas[0].name, "circle");
+  // The projection's scale at 11 E in zone 32 is 0.99977.
+  EXPECT_NEAR(area_m2(list.areas[0].polygons.at(0).outer) / (3.14159265 * 1852.0 * 1852.0), 1.0,
+              2e-3);
+}
+
+TEST_F(AreaFiles, AnAreaOfHalfTheWorldIsCutToTheRegionNotRefused) {
+  const AirspaceList list = read(write(
+      "a.geojson",
+      collection(feature("", "[[[-170, -80], [170, -80], [170, 89], [-170, 89], [-170, -80]]]"))));
+  ASSERT_EQ(list.areas.size(), 1U);
+  // All of the region is inside: 7.1 x 11.1 km and more.
+  const geo::MapPoint south_west = at_deg(50.0, 11.0);
+  const geo::MapPoint north_east = at_deg(50.1, 11.1);
+  EXPECT_GT(area_m2(list.areas[0].polygons.at(0).outer),
+            (north_east.x_m - south_west.x_m) * (north_east.y_m - south_west.y_m));
+}
+
+TEST_F(AreaFiles, APolygonThatCrossesItselfIsMadeValidNotLost) {
+  const AirspaceList list = read(write(
+      "a.geojson",
+      collection(feature(
+          "",
+          "[[[11.02, 50.02], [11.04, 50.04], [11.04, 50.02], [11.02, 50.04], [11.02, 50.02]]]"))));
+  ASSERT_EQ(list.areas.size(), 1U);
+  EXPECT_EQ(list.areas[0].polygons.size(), 2U);  // a bow tie is two triangles
+}
+
+TEST_F(AreaFiles, WhatCannotBeMeantIsRefusedWithItsFeature) {
+  EXPECT_THAT(refusal_of(write("a.geojson", collection(feature(R"("floor": "1500")", kSquare)))),
+              HasSubstr("the floor '1500' cannot be read"));
+  EXPECT_THAT(
+      refusal_of(write("b.geojson", collection(feature(R"("ceiling_m": "high")", kSquare)))),
+      HasSubstr("ceiling_m is 'high'"));
+  EXPECT_THAT(refusal_of(write("c.geojson", collection(feature("", "[11.02, 50.02]", "Point")))),
+              HasSubstr("no polygon"));
+  EXPECT_THAT(refusal_of(write("d.geojson", collection(feature(R"("hard": "maybe")", kSquare)))),
+              HasSubstr("no truth value"));
+  EXPECT_THAT(refusal_of(write("e.geojson", collection(feature(
+                                                R"("floor_m": 500, "ceiling_m": 400)", kSquare)))),
+              HasSubstr("ends below"));
+  EXPECT_THAT(refusal_of(write("f.geojson", "no json at all")), HasSubstr("cannot be read"));
+  EXPECT_THAT(refusal_of(folder_.path() / "none.geojson"), HasSubstr("no such file"));
+  EXPECT_THAT(
+      refusal_of(write("g.geojson",
+                       collection(feature("", "[[[500, 50], [501, 50], [501, 51], [500, 50]]]")))),
+      HasSubstr("not on the globe"));
+}
+
+}  // namespace
+}  // namespace hedgehop::map_sources
