@@ -56,6 +56,10 @@ const char* name_of(NoPlanCause cause) {
       return "stopped";
     case NoPlanCause::kClimbLimit:
       return "climb_limit";
+    case NoPlanCause::kStartInsideArea:
+      return "start_inside_area";
+    case NoPlanCause::kGoalInsideArea:
+      return "goal_inside_area";
   }
   HEDGEHOP_ASSERT(!"a cause without a name");
   return "";

@@ -45,6 +45,8 @@ enum class NoPlanCause : std::uint8_t {
   kLocalPlannerStuck,        // the command model could not reach the goal along the route
   kStopped,                  // cancelled before a first route was found
   kClimbLimit,               // proved: climb and turn limits hold every route near one end
+  kStartInsideArea,          // a hard area holds the place at its altitude
+  kGoalInsideArea,
 };
 
 /// "start_outside_map" and so on.

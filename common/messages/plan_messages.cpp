@@ -24,6 +24,8 @@ static_assert(static_cast<int>(flight::NoPlanCause::kReferenceHeightMismatch) ==
 static_assert(static_cast<int>(flight::NoPlanCause::kStopped) == plan_status_t::CAUSE_STOPPED);
 static_assert(static_cast<int>(flight::NoPlanCause::kClimbLimit) ==
               plan_status_t::CAUSE_CLIMB_LIMIT);
+static_assert(static_cast<int>(flight::NoPlanCause::kGoalInsideArea) ==
+              plan_status_t::CAUSE_GOAL_INSIDE_AREA);
 
 }  // namespace
 
@@ -124,7 +126,7 @@ PlanStatus from_message<PlanStatus>(ByteView bytes, Stamp& stamp) {
   check.within<std::int8_t>(
       "cause", message.cause,
       is_no_plan ? plan_status_t::CAUSE_START_OUTSIDE_MAP : plan_status_t::CAUSE_NONE,
-      is_no_plan ? plan_status_t::CAUSE_CLIMB_LIMIT : plan_status_t::CAUSE_NONE);
+      is_no_plan ? plan_status_t::CAUSE_GOAL_INSIDE_AREA : plan_status_t::CAUSE_NONE);
   if (is_no_plan) {
     flight::NoPlan& no_plan = status.no_plan.emplace();
     no_plan.cause = static_cast<flight::NoPlanCause>(message.cause);

@@ -28,16 +28,23 @@ std::string text_of(const geo::GeodeticPosition& position) {
 
 struct EndCauses {
   const char* name;
-  NoPlanCause outside, unknown, below, above;
+  NoPlanCause outside, unknown, below, above, inside_area;
 };
-constexpr EndCauses kStart = {"start", NoPlanCause::kStartOutsideMap,
-                              NoPlanCause::kStartUnknownTerrain, NoPlanCause::kStartBelowEnvelope,
-                              NoPlanCause::kStartAboveEnvelope};
-constexpr EndCauses kGoal = {"goal", NoPlanCause::kGoalOutsideMap, NoPlanCause::kGoalUnknownTerrain,
-                             NoPlanCause::kGoalBelowEnvelope, NoPlanCause::kGoalAboveEnvelope};
+constexpr EndCauses kStart = {"start",
+                              NoPlanCause::kStartOutsideMap,
+                              NoPlanCause::kStartUnknownTerrain,
+                              NoPlanCause::kStartBelowEnvelope,
+                              NoPlanCause::kStartAboveEnvelope,
+                              NoPlanCause::kStartInsideArea};
+constexpr EndCauses kGoal = {"goal",
+                             NoPlanCause::kGoalOutsideMap,
+                             NoPlanCause::kGoalUnknownTerrain,
+                             NoPlanCause::kGoalBelowEnvelope,
+                             NoPlanCause::kGoalAboveEnvelope,
+                             NoPlanCause::kGoalInsideArea};
 
 // Where the ends of a route may lie: clear of the ground and within what the search may use.
-std::variant<flight::Waypoint, NoPlan> place_end(const map::Map& map,
+std::variant<flight::Waypoint, NoPlan> place_end(const map::Map& map, const risk::AreaIndex& areas,
                                                  const geo::MapProjection& projection,
                                                  const PlanningConfig& config,
                                                  const flight::RequestPoint& request,
@@ -75,6 +82,13 @@ std::variant<flight::Waypoint, NoPlan> place_end(const map::Map& map,
                       " m above the surface lies above the flight envelope, which ends at " +
                       text_of(config.global.envelope_ceiling_m, 1) +
                       " m; lower it, or raise global.envelope_ceiling_m"};
+  }
+  if (const map::Area* area = areas.hard_area_at(point, altitude_m)) {
+    return NoPlan{causes.inside_area, point,
+                  who + " at altitude " + text_of(altitude_m, 0) +
+                      " m lies inside the no-fly area " +
+                      (area->name.empty() ? "without a name" : "'" + area->name + "'") +
+                      "; move it, or prepare the map without that area"};
   }
   return flight::Waypoint{point.x_m, point.y_m, altitude_m};
 }
@@ -132,10 +146,12 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
                      "choose a speed within these limits, or another vehicle_file");
   }
   const geo::MapProjection projection(map.crs_wkt);
+  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
+                              config.reference_height_m, config.small_patch_m);
   std::vector<flight::Waypoint> stops;
   const auto place = [&](const flight::RequestPoint& point,
                          const EndCauses& causes) -> std::optional<NoPlan> {
-    auto placed = place_end(map, projection, config, point, causes);
+    auto placed = place_end(map, costs.areas(), projection, config, point, causes);
     if (auto* no_plan = std::get_if<NoPlan>(&placed)) {
       return std::move(*no_plan);
     }
@@ -163,8 +179,6 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
   plan.start = stops.front();
   plan.goal = stops.back();
 
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
   const std::int64_t budget =
       request.work_budget > 0 ? request.work_budget : config.global.work_budget;
   const auto legs = static_cast<std::int64_t>(stops.size()) - 1;
@@ -217,7 +231,7 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   HEDGEHOP_ASSERT(route_plan.route.guide.size() >= 2);
   const geo::MapProjection projection(map.crs_wkt);
   const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
+                              config.reference_height_m, config.small_patch_m);
 
   RouteTask task;
   task.start = route_plan.start;

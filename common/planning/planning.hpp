@@ -23,6 +23,7 @@ struct PlanningConfig {
   double reference_height_m = 0.0;
   double speed_mps = 0.0;
   double unknown_visibility = 0.0;
+  double small_patch_m = 0.0;
   risk::CostWeights weights;
   risk::SemanticCostTable semantics;
   global_planning::GlobalOptions global;

@@ -39,6 +39,7 @@ PlanningConfig read_planning_config(const std::string& text, const std::string& 
                         .reference_height_m = reader.required_double("reference_height_m"),
                         .speed_mps = reader.required_double("speed_mps"),
                         .unknown_visibility = reader.required_double("unknown_visibility"),
+                        .small_patch_m = reader.required_double("small_patch_m"),
                         .weights = {},
                         .semantics = risk::SemanticCostTable({}, 0.0),
                         .global = {},
@@ -48,6 +49,8 @@ PlanningConfig read_planning_config(const std::string& text, const std::string& 
   reader.require(config.reference_height_m > 0.0, "reference_height_m", "must be above 0");
   reader.require(config.unknown_visibility >= 0.0 && config.unknown_visibility <= 1.0,
                  "unknown_visibility", "must lie between 0 and 1");
+  reader.require(config.small_patch_m >= 0.0 && config.small_patch_m <= 10000.0, "small_patch_m",
+                 "must lie between 0 and 10000");
   ConfigReader weights = reader.required_section("weights");
   config.weights = risk::read_weights(weights);
   ConfigReader semantics = reader.required_section("semantics");

@@ -86,8 +86,10 @@ SemanticCostTable SemanticCostTable::read(ConfigReader& reader) {
   }
   const double otherwise = reader.required_double("otherwise");
   reader.require(otherwise >= 0.0 && otherwise <= 1.0, "otherwise", "must lie between 0 and 1");
+  const double soft_area = reader.required_double("soft_area");
+  reader.require(soft_area >= 0.0 && soft_area <= 1.0, "soft_area", "must lie between 0 and 1");
   reader.finish();
-  return {std::move(rules), otherwise};
+  return {std::move(rules), otherwise, soft_area};
 }
 
 CostWeights read_weights(ConfigReader& reader) {

@@ -29,7 +29,8 @@ class SemanticCostTable {
     std::uint16_t all_of = 0;
     double cost = 0.0;  // in [0, 1]
   };
-  /// Section `semantics`: list `rules` of {classes: [names], cost: c}, `otherwise`.
+  /// Section `semantics`: list `rules` of {classes: [names], cost: c}, `otherwise`, and
+  /// `soft_area`, the least cost inside a soft area of the map.
   static SemanticCostTable read(ConfigReader& reader);
   SemanticCostTable(std::vector<Rule> rules, double otherwise, double soft_area = 0.0);
 

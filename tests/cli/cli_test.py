@@ -538,6 +538,9 @@ class Json(CliTest):
         text = self.hedgehop("info", self.work / "map").stdout
         self.assertRegex(text, r"(?m)^obstacles +1$")
         self.assertRegex(text, r"(?m)^no-fly areas +1$")
+        refused = self.hedgehop("plan", "--map", self.work / "map", "--start", START, "--goal", GOAL, "--out", self.work / "plan")
+        self.assertEqual(refused.returncode, 3, refused.stderr)
+        self.assertIn("ED-R 5", refused.stderr)
 
     def test_plan_verify_and_report(self):
         plan = self.one_object(*self.plan_arguments(), allowed=(0, 4))

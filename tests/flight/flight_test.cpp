@@ -30,7 +30,9 @@ constexpr NoPlanCause kCauses[] = {NoPlanCause::kStartOutsideMap,
                                    NoPlanCause::kBudgetExhausted,
                                    NoPlanCause::kLocalPlannerStuck,
                                    NoPlanCause::kStopped,
-                                   NoPlanCause::kClimbLimit};
+                                   NoPlanCause::kClimbLimit,
+                                   NoPlanCause::kStartInsideArea,
+                                   NoPlanCause::kGoalInsideArea};
 
 TEST(RouteLength, IsThatOfThreeDimensions) {
   EXPECT_EQ(length_m({}), 0.0);

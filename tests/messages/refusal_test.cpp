@@ -136,7 +136,7 @@ TEST(Refusal, PlanMessagesWithoutSenseAreRefused) {
   expect_refused<plan_status_t>(status, "state", [](auto& w) { w.state = 99; });
   expect_refused<plan_status_t>(status, "stage", [](auto& w) { w.stage = -1; });
   expect_refused<plan_status_t>(status, "cause", [](auto& w) {
-    w.cause = static_cast<std::int8_t>(plan_status_t::CAUSE_CLIMB_LIMIT + 1);
+    w.cause = static_cast<std::int8_t>(plan_status_t::CAUSE_GOAL_INSIDE_AREA + 1);
   });
   expect_refused<plan_status_t>(status, "cause",
                                 [](auto& w) { w.state = plan_status_t::STATE_DONE; });

@@ -191,7 +191,7 @@ TEST(RoundTrip, PlanStatusKeepsEachFieldUnderItsName) {
 }
 
 TEST(RoundTrip, EveryCauseSurvives) {
-  for (int cause = 0; cause <= static_cast<int>(flight::NoPlanCause::kClimbLimit); ++cause) {
+  for (int cause = 0; cause <= static_cast<int>(flight::NoPlanCause::kGoalInsideArea); ++cause) {
     PlanStatus status = test::example_plan_status();
     status.no_plan->cause = static_cast<flight::NoPlanCause>(cause);
     const Trip<plan_status_t, PlanStatus> trip(status);

@@ -101,6 +101,36 @@ TEST_F(PlanningTest, SameRequestGivesTheSameFlightTwice) {
   }
 }
 
+TEST_F(PlanningTest, StartOrGoalInsideANoFlyAreaIsRefusedWithItsName) {
+  map::Area area;
+  area.name = "ED-R 7";
+  area.floor = {-std::numeric_limits<double>::infinity(), map::AreaLimit::Reference::kAmsl};
+  area.ceiling = {2000.0, map::AreaLimit::Reference::kAmsl};
+  const auto corner = [](double east_m, double north_m) {
+    return geo::MapPoint{kWest_m + east_m, kSouth_m + north_m};
+  };
+  area.polygons = {{{corner(2000, 2000), corner(4000, 2000), corner(4000, 4000), corner(2000, 4000),
+                     corner(2000, 2000)},
+                    {}}};
+  map_.areas = {area};
+  test::finish_map(map_);
+  const auto result = plan(request_);
+  ASSERT_TRUE(std::holds_alternative<flight::NoPlan>(result));
+  const auto& no_plan = std::get<flight::NoPlan>(result);
+  EXPECT_EQ(no_plan.cause, flight::NoPlanCause::kStartInsideArea);
+  EXPECT_THAT(no_plan.explanation, HasSubstr("no-fly area 'ED-R 7'"));
+  std::swap(request_.start, request_.goal);
+  EXPECT_EQ(cause(request_), flight::NoPlanCause::kGoalInsideArea);
+  // Below its floor, or if it only costs, there is nothing to refuse.
+  map_.areas[0].floor.value_m = 1500.0;
+  test::finish_map(map_);
+  EXPECT_TRUE(std::holds_alternative<flight::Plan>(plan(request_)));
+  map_.areas[0].floor.value_m = 0.0;
+  map_.areas[0].is_hard = false;
+  test::finish_map(map_);
+  EXPECT_TRUE(std::holds_alternative<flight::Plan>(plan(request_)));
+}
+
 TEST_F(PlanningTest, RouteWithViaPointPassesIt) {
   request_.via = {place(map_, 4000.0, 9000.0)};
 

@@ -44,7 +44,7 @@ TEST(SemanticCostTable, TheFirstRuleWhoseClassesAreAllPresentWins) {
       "  - {classes: [village, forest], cost: 0.9}\n"
       "  - {classes: [forest], cost: 0.2}\n"
       "  - {classes: [village], cost: 0.7}\n"
-      "otherwise: 0.1\n",
+      "otherwise: 0.1\nsoft_area: 0.5\n",
       "test.yaml");
   const SemanticCostTable table = SemanticCostTable::read(reader);
   EXPECT_FLOAT_EQ(static_cast<float>(table.cost(bits({SemanticClass::kForest}))), 0.2F);
@@ -60,7 +60,7 @@ TEST(SemanticCostTable, AnUnknownClassIsRefusedWithItsLineAndTheNearestName) {
   auto reader = ConfigReader::from_text(
       "rules:\n"
       "  - {classes: [vilage], cost: 0.9}\n"
-      "otherwise: 0.1\n",
+      "otherwise: 0.1\nsoft_area: 0.5\n",
       "test.yaml");
   try {
     SemanticCostTable::read(reader);
@@ -73,9 +73,10 @@ TEST(SemanticCostTable, AnUnknownClassIsRefusedWithItsLineAndTheNearestName) {
 
 TEST(SemanticCostTable, CostsOutsideZeroToOneAreRefused) {
   for (const char* text :
-       {"rules: [{classes: [forest], cost: 1.5}]\notherwise: 0\n",
-        "rules: [{classes: [forest], cost: -0.1}]\notherwise: 0\n",
-        "rules: [{classes: [], cost: 0.5}]\notherwise: 0\n", "rules: []\notherwise: 2\n"}) {
+       {"rules: [{classes: [forest], cost: 1.5}]\notherwise: 0\nsoft_area: 0\n",
+        "rules: [{classes: [forest], cost: -0.1}]\notherwise: 0\nsoft_area: 0\n",
+        "rules: [{classes: [], cost: 0.5}]\notherwise: 0\nsoft_area: 0\n",
+        "rules: []\notherwise: 2\nsoft_area: 0\n", "rules: []\notherwise: 0\nsoft_area: 1.1\n"}) {
     auto reader = ConfigReader::from_text(text, "test.yaml");
     EXPECT_THROW(SemanticCostTable::read(reader), ConfigError) << text;
   }
