@@ -115,16 +115,91 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
         ends[i].altitude_m - raster::sample_bilinear(map.surface_m, ends[i].point());
     ends_[i] = {ends[i].x_m, ends[i].y_m, std::min(height_m, floor_m_)};
   }
+  take_areas(options);
+}
+
+void FlightEnvelope::take_areas(const GlobalOptions& options) {
+  const risk::AreaIndex& areas = costs_->areas();
+  if (areas.is_empty()) {
+    return;
+  }
+  areas_.resize(cells_.size());
+  const int reach = 1 + static_cast<int>(options.lateral_margin_m * inverse_cell_1pm_);
+  for (int row = 0; row < geometry_.rows; ++row) {
+    for (int column = 0; column < geometry_.columns; ++column) {
+      const raster::CellIndex at{column, row};
+      if (areas.list_at(at) == 0) {
+        continue;
+      }
+      const std::size_t here = index(column, row);
+      areas_[here].has_hard = areas.has_hard(at);
+      areas_[here].has_soft = areas.has_soft(at);
+      if (!areas_[here].has_hard || std::isnan(cells_[here].dilated_m)) {
+        continue;
+      }
+      const risk::AreaIndex::Span free =
+          areas.free_over(at, static_cast<double>(cells_[here].dilated_m) + floor_m_);
+      // Neighbours keep clear of what this cell has to keep clear of.
+      for (int r = std::max(row - reach, 0); r <= std::min(row + reach, geometry_.rows - 1); ++r) {
+        for (int c = std::max(column - reach, 0);
+             c <= std::min(column + reach, geometry_.columns - 1); ++c) {
+          CellAreas& near = areas_[index(c, r)];
+          if (free.low_m > static_cast<double>(cells_[here].dilated_m) + floor_m_) {
+            near.low_m =
+                std::max(near.low_m, std::nextafter(static_cast<float>(free.low_m),
+                                                    std::numeric_limits<float>::infinity()));
+          }
+          near.high_m =
+              std::min(near.high_m, std::nextafter(static_cast<float>(free.high_m),
+                                                   -std::numeric_limits<float>::infinity()));
+        }
+      }
+    }
+  }
 }
 
 FlightEnvelope::Sample FlightEnvelope::sample(double x_m, double y_m) const {
+  Sample here = sample_ground(x_m, y_m);
+  const CellAreas* areas = areas_of(here);
+  if (areas != nullptr && !here.is_in_funnel) {
+    here.band.low_m = std::max(here.band.low_m, static_cast<double>(areas->low_m));
+    here.band.high_m = std::min(here.band.high_m, static_cast<double>(areas->high_m));
+  }
+  return here;
+}
+
+const FlightEnvelope::CellAreas* FlightEnvelope::areas_of(const Sample& here) const {
+  return areas_.empty() || here.nearest == nullptr
+             ? nullptr
+             : &areas_[static_cast<std::size_t>(here.nearest - cells_.data())];
+}
+
+bool FlightEnvelope::is_in_hard_area(const Sample& here, const geo::MapPoint& point,
+                                     double altitude_m) const {
+  const CellAreas* areas = areas_of(here);
+  return areas != nullptr && areas->has_hard &&
+         costs_->areas().hard_area_at(point, altitude_m) != nullptr;
+}
+
+double FlightEnvelope::density(const Sample& here, const geo::MapPoint& point,
+                               double altitude_m) const {
+  const double height_m = altitude_m - here.surface_m;
+  const CellAreas* areas = areas_of(here);
+  if (areas == nullptr || !areas->has_soft) {
+    return density(*here.nearest, height_m);
+  }
+  return costs_->density_rule()(here.nearest->visibilities, costs_->semantics(point, altitude_m),
+                                height_m);
+}
+
+FlightEnvelope::Sample FlightEnvelope::sample_ground(double x_m, double y_m) const {
   const double column_position = (x_m - geometry_.west_m) * inverse_cell_1pm_;
   const double row_position = (y_m - geometry_.south_m) * inverse_cell_1pm_;
   // Beyond the outermost centres the margin is unknown, so the point is not flyable anyway.
   const double u = column_position - 0.5;
   const double v = row_position - 0.5;
   if (!(u >= 0.0 && u < geometry_.columns - 1 && v >= 0.0 && v < geometry_.rows - 1)) {
-    return {{kNaN, kNaN}, kNaN, nullptr};
+    return {{kNaN, kNaN}, kNaN, nullptr, false};
   }
   const int column = static_cast<int>(u);
   const int row = static_cast<int>(v);
@@ -142,18 +217,20 @@ FlightEnvelope::Sample FlightEnvelope::sample(double x_m, double y_m) const {
       mix(static_cast<double>(south[0].dilated_m), static_cast<double>(south[1].dilated_m),
           static_cast<double>(north[0].dilated_m), static_cast<double>(north[1].dilated_m));
   double low_m = dilated_m + floor_m_;
+  bool is_in_funnel = false;
   for (const End& end : ends_) {
     const double dx_m = x_m - end.x_m;
     const double dy_m = y_m - end.y_m;
     const double square_m2 = dx_m * dx_m + dy_m * dy_m;
     if (square_m2 < funnel_m_ * funnel_m_) {
+      is_in_funnel = true;
       const double share = std::sqrt(square_m2) / funnel_m_;
       low_m = std::min(low_m, (1.0 - share) * (surface_m + end.floor_m) +
                                   share * (dilated_m + floor_m_) - kHeightTolerance_m);
     }
   }
   const Cell* nearest = (fv < 0.5 ? south : north) + (fu < 0.5 ? 0 : 1);
-  return {{low_m, surface_m + ceiling_m_}, surface_m, nearest};
+  return {{low_m, surface_m + ceiling_m_}, surface_m, nearest, is_in_funnel};
 }
 
 AltitudeBand FlightEnvelope::band_at(const geo::MapPoint& point) const {
@@ -189,9 +266,28 @@ AltitudeBand FlightEnvelope::widest_band_over_patch(raster::CellIndex south_west
   return band;
 }
 
+const map::Area* FlightEnvelope::area_that_closes_patch(raster::CellIndex south_west,
+                                                        const AltitudeBand& band) const {
+  const map::Area* closing = nullptr;
+  for (int row = south_west.row; row <= south_west.row + 1; ++row) {
+    for (int column = south_west.column; column <= south_west.column + 1; ++column) {
+      const map::Area* area =
+          areas_.empty() || !areas_[index(column, row)].has_hard
+              ? nullptr
+              : costs_->areas().closing({column, row}, {band.low_m, band.high_m});
+      if (area == nullptr) {
+        return nullptr;
+      }
+      closing = area;
+    }
+  }
+  return closing;
+}
+
 bool FlightEnvelope::contains(const flight::Waypoint& point) const {
-  const AltitudeBand band = band_at(point.point());
-  return point.altitude_m >= band.low_m && point.altitude_m <= band.high_m;
+  const Sample here = sample_ground(point.x_m, point.y_m);
+  return point.altitude_m >= here.band.low_m && point.altitude_m <= here.band.high_m &&
+         !is_in_hard_area(here, point.point(), point.altitude_m);
 }
 
 bool FlightEnvelope::is_climb_allowed(const flight::Waypoint& a, const flight::Waypoint& b) const {
@@ -215,12 +311,14 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
   double sum = 0.0;
   const auto add = [&](int k) {
     const double t = (k + 0.5) * share;
-    const Sample here = sample(a.x_m + t * dx_m, a.y_m + t * dy_m);
+    const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
+    const Sample here = sample(point.x_m, point.y_m);
     const double altitude_m = a.altitude_m + t * dz_m;
-    if (!(altitude_m >= here.band.low_m && altitude_m <= here.band.high_m)) {
+    if (!(altitude_m >= here.band.low_m && altitude_m <= here.band.high_m) ||
+        (here.is_in_funnel && is_in_hard_area(here, point, altitude_m))) {
       return false;
     }
-    sum += density(*here.nearest, altitude_m - here.surface_m);
+    sum += density(here, point, altitude_m);
     return true;
   };
   // Legs between two good states fail in the middle, if anywhere: begin there.
@@ -258,9 +356,15 @@ bool FlightEnvelope::is_clear(const flight::Waypoint& a, const flight::Waypoint&
     double below_m, above_m;
   };
   const auto gaps_at = [&](double t) {
-    const AltitudeBand band = sample(a.x_m + t * dx_m, a.y_m + t * dy_m).band;
+    const Sample here = sample_ground(a.x_m + t * dx_m, a.y_m + t * dy_m);
     const double altitude_m = a.altitude_m + t * dz_m;
-    return Gaps{altitude_m - band.low_m, band.high_m - altitude_m};
+    const CellAreas* areas = areas_of(here);
+    if (areas != nullptr && !here.is_in_funnel &&
+        !(altitude_m >= static_cast<double>(areas->low_m) &&
+          altitude_m <= static_cast<double>(areas->high_m))) {
+      return Gaps{-kInfinity, -kInfinity};
+    }
+    return Gaps{altitude_m - here.band.low_m, here.band.high_m - altitude_m};
   };
   // Least value on [0, 1] of the parabola through (0, f0), (1/2, fm), (1, f1).
   const auto least = [](double f0, double fm, double f1) {
@@ -311,7 +415,7 @@ bool FlightEnvelope::is_clear(const flight::Waypoint& a, const flight::Waypoint&
     before = after;
     t = end;
   }
-  return true;
+  return areas_.empty() || costs_->areas().hard_area_on(a, b) == nullptr;
 }
 
 FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo::MapPoint& b,
@@ -343,7 +447,10 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
         !here.band.is_flyable()) {
       return {{kInfinity, -kInfinity}, kInfinity};
     }
-    sum += density(*here.nearest, result.altitudes.low_m - here.surface_m);
+    if (here.is_in_funnel && is_in_hard_area(here, point, result.altitudes.low_m)) {
+      return {{kInfinity, -kInfinity}, kInfinity};
+    }
+    sum += density(here, point, result.altitudes.low_m);
   }
   result.cost_m = sum * leg_m / steps;
   return result;
@@ -351,12 +458,52 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
 
 double FlightEnvelope::low_density(raster::CellIndex at) const {
   const Cell& here = cell(at.column, at.row);
-  const double lowest_m = static_cast<double>(here.dilated_m) + floor_m_;
+  double lowest_m = static_cast<double>(here.dilated_m) + floor_m_;
   const double surface_m = static_cast<double>(here.surface_m);
-  if (!(lowest_m <= surface_m + ceiling_m_)) {
+  double highest_m = surface_m + ceiling_m_;
+  if (!areas_.empty()) {
+    const CellAreas& areas = areas_[index(at.column, at.row)];
+    lowest_m = std::max(lowest_m, static_cast<double>(areas.low_m));
+    highest_m = std::min(highest_m, static_cast<double>(areas.high_m));
+  }
+  if (!(lowest_m <= highest_m)) {
     return kInfinity;
   }
   return density(here, lowest_m - surface_m);
+}
+
+double FlightEnvelope::least_density(raster::CellIndex at) const {
+  const double west_m = geometry_.west_m + geometry_.cell_m * at.column;
+  const double south_m = geometry_.south_m + geometry_.cell_m * at.row;
+  double end_floor_m = kInfinity;
+  for (const End& end : ends_) {
+    const double dx_m = end.x_m - std::clamp(end.x_m, west_m, west_m + geometry_.cell_m);
+    const double dy_m = end.y_m - std::clamp(end.y_m, south_m, south_m + geometry_.cell_m);
+    if (dx_m * dx_m + dy_m * dy_m <= funnel_m_ * funnel_m_) {
+      end_floor_m = std::min(end_floor_m, end.floor_m);
+    }
+  }
+  // Over the cell the margin of the dilated surface is interpolated between these nine.
+  double floor_m = kInfinity;
+  bool is_flyable = false;
+  for (int row = std::max(at.row - 1, 0); row <= std::min(at.row + 1, geometry_.rows - 1); ++row) {
+    for (int column = std::max(at.column - 1, 0);
+         column <= std::min(at.column + 1, geometry_.columns - 1); ++column) {
+      const Cell& here = cell(column, row);
+      if (!std::isnan(here.dilated_m)) {
+        floor_m = std::min(floor_m, static_cast<double>(here.dilated_m) -
+                                        static_cast<double>(here.surface_m) + floor_m_);
+        is_flyable = true;
+      }
+    }
+  }
+  const double height_m = std::min(floor_m, end_floor_m) - kHeightTolerance_m;
+  if (!is_flyable || height_m > ceiling_m_) {
+    return kInfinity;
+  }
+  const Cell& here = cell(at.column, at.row);
+  return costs_->density_rule().least_above(
+      here.visibilities, static_cast<double>(costs_->land_use_layer().at(at)), height_m);
 }
 
 double FlightEnvelope::density(const Cell& at, double height_m) const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <vector>
 
 #include "flight/route.hpp"
@@ -41,6 +42,10 @@ struct AltitudeBand {
 /// them: at horizontal distance r < end_funnel_m it is the mixture (1 - u) (surface + min(height of
 /// the end, floor)) + u (dilated surface + floor) with u = r / end_funnel_m. Hence no route is ever
 /// closer to the interpolated surface below than the lower of floor and end height.
+///
+/// Hard areas narrow the band to the lowest air that is free of them within lateral_margin_m (by
+/// whole cells); inside the funnels there is no such margin, but the areas themselves are never
+/// entered. Soft areas cost by the altitude flown.
 class FlightEnvelope {
  public:
   /// `costs` must outlive the envelope.
@@ -91,6 +96,11 @@ class FlightEnvelope {
   /// may not. >= 1.
   [[nodiscard]] double low_density(raster::CellIndex at) const;
 
+  /// No metre of any route costs less than this over any place of the cell [-]; infinity where no
+  /// place of the cell may be flown over. >= 1. Height enters by the least that the envelope
+  /// admits between the cell and its neighbours, visibility by the least at or above that height.
+  [[nodiscard]] double least_density(raster::CellIndex at) const;
+
   /// Whether the whole straight leg keeps band and climb limit: between the lines through cell
   /// centres the band is a quadratic function along the leg, so its least distance is found
   /// exactly. Inside the funnels the quadratic is an interpolation over at most final_check_step_m.
@@ -104,8 +114,13 @@ class FlightEnvelope {
 
   /// A band that holds every altitude that may be flown anywhere over one patch, the square between
   /// the centre of a cell and those of its eastern, northern and north-eastern neighbours; not
-  /// flyable if there is none. All four must be inside the map.
+  /// flyable if there is none. All four must be inside the map. Areas are left out, see below.
   [[nodiscard]] AltitudeBand widest_band_over_patch(raster::CellIndex south_west) const;
+
+  /// A hard area that takes part in closing the patch, if each of its four cells is held by one as
+  /// a whole at all altitudes of `band`; else null.
+  [[nodiscard]] const map::Area* area_that_closes_patch(raster::CellIndex south_west,
+                                                        const AltitudeBand& band) const;
 
  private:
   struct Cell {
@@ -114,25 +129,46 @@ class FlightEnvelope {
     float semantics;
     const float* visibilities;  // for risk::CostDensity
   };
+  // What areas mean over a cell.
+  struct CellAreas {
+    float low_m = -std::numeric_limits<float>::infinity();  // free of hard ones, with the margin
+    float high_m = std::numeric_limits<float>::infinity();
+    bool has_hard = false;  // touched by one
+    bool has_soft = false;
+  };
   struct Sample {
     AltitudeBand band;
     double surface_m;
     const Cell* nearest;
+    bool is_in_funnel;
   };
   struct End {
     double x_m, y_m, floor_m;
   };
 
-  [[nodiscard]] const Cell& cell(int column, int row) const {
-    return cells_[static_cast<std::size_t>(row) * static_cast<std::size_t>(geometry_.columns) +
-                  static_cast<std::size_t>(column)];
+  [[nodiscard]] std::size_t index(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(geometry_.columns) +
+           static_cast<std::size_t>(column);
   }
+  [[nodiscard]] const Cell& cell(int column, int row) const { return cells_[index(column, row)]; }
   [[nodiscard]] double density(const Cell& at, double height_m) const;
+  // The band between ground and ceiling alone.
+  [[nodiscard]] Sample sample_ground(double x_m, double y_m) const;
+  // The same without what hard areas take.
   [[nodiscard]] Sample sample(double x_m, double y_m) const;
+  // Null without areas and over unknown ground.
+  [[nodiscard]] const CellAreas* areas_of(const Sample& here) const;
+  // Cost of a metre and whether a hard area holds the place, which sample() leaves open in funnels.
+  [[nodiscard]] double density(const Sample& here, const geo::MapPoint& point,
+                               double altitude_m) const;
+  [[nodiscard]] bool is_in_hard_area(const Sample& here, const geo::MapPoint& point,
+                                     double altitude_m) const;
+  void take_areas(const GlobalOptions& options);
 
   const risk::CostModel* costs_;
   raster::GridGeometry geometry_;
   std::vector<Cell> cells_;
+  std::vector<CellAreas> areas_;  // as cells_; empty without areas
   double inverse_cell_1pm_;
   double floor_m_;
   double ceiling_m_;

@@ -16,6 +16,7 @@
 #include "global_planning/bit_star.hpp"
 #include "global_planning/bit_star_search.hpp"
 #include "global_planning/corridor_refinement.hpp"
+#include "global_planning/cost_bound.hpp"
 #include "global_planning/enclosure.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/lattice_search.hpp"
@@ -93,6 +94,15 @@ std::optional<NoPlan> fault_of(const flight::Waypoint& end, const EndNames& name
 
 NoPlan no_plan_of(const Disconnection& gap) {
   std::ostringstream why;
+  if (gap.area != nullptr) {
+    why << "no route exists: hard area '" << gap.area->name << "' ("
+        << (gap.area->kind.empty() ? "no-fly" : gap.area->kind)
+        << "), alone or with others, encloses the " << (gap.is_goal_enclosed ? "goal" : "start")
+        << " at every altitude of the envelope; without areas there would be a way. The marked "
+           "place is the reachable one nearest to the goal. Move the "
+        << (gap.is_goal_enclosed ? "goal" : "start") << " or prepare the map without that area";
+    return {NoPlanCause::kSearchSpaceDisconnected, gap.nearest_to_goal, why.str()};
+  }
   why << "no route exists: from the start only " << gap.reachable_patches
       << " patches of one cell can be reached within the height envelope, and the goal is not "
          "among "
@@ -300,6 +310,9 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
              return observer.stop_requested();
            });
   }
+  lower_bound_m =
+      std::max(lower_bound_m, CostBound(envelope, problem.goal.point(), problem.start.point())
+                                  .cost_m(problem.start.point()));
   cut_short(envelope, options.final_check_step_m, budget, route.work_units, route.waypoints);
   route.guide = equidistant(route.waypoints, options.guide_spacing_m, route.guide_spacing_m);
   route.cost = costs.route_cost(route.waypoints, kCostStep_m);

@@ -24,9 +24,21 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
   }
   std::vector<AltitudeBand> bands;
   bands.reserve(geometry.cell_count());
+  struct Closed {
+    CellIndex patch;
+    AltitudeBand band;
+    const map::Area* area;
+  };
+  std::vector<Closed> closed;
   for (int row = 0; row < geometry.rows; ++row) {
     for (int column = 0; column < geometry.columns; ++column) {
-      bands.push_back(envelope.widest_band_over_patch({column, row}));
+      AltitudeBand band = envelope.widest_band_over_patch({column, row});
+      const map::Area* area = envelope.area_that_closes_patch({column, row}, band);
+      if (area != nullptr && CellIndex{column, row} != start && CellIndex{column, row} != goal) {
+        closed.push_back({{column, row}, band, area});
+        band = {1.0, 0.0};
+      }
+      bands.push_back(band);
     }
   }
   std::vector<std::uint8_t> seen;
@@ -82,6 +94,28 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
   result.nearest_to_goal = geometry.centre(nearest);
   fill(goal, start);
   result.is_goal_enclosed = open.size() < result.reachable_patches;
+  if (!closed.empty()) {
+    fill(result.is_goal_enclosed ? goal : start, result.is_goal_enclosed ? start : goal);
+    const std::vector<std::uint8_t> enclosed = seen;
+    for (const Closed& patch : closed) {
+      bands[index(patch.patch)] = patch.band;
+    }
+    if (fill(start, goal)) {
+      const auto borders = [&](CellIndex at) {
+        for (int row = at.row - 1; row <= at.row + 1; ++row) {
+          for (int column = at.column - 1; column <= at.column + 1; ++column) {
+            if (geometry.contains(CellIndex{column, row}) && enclosed[index({column, row})] != 0) {
+              return true;
+            }
+          }
+        }
+        return false;
+      };
+      const auto at_border = std::find_if(
+          closed.begin(), closed.end(), [&](const Closed& patch) { return borders(patch.patch); });
+      result.area = at_border == closed.end() ? nullptr : at_border->area;
+    }
+  }
   return result;
 }
 

@@ -370,4 +370,95 @@ double AreaIndex::wall_top_m(raster::CellIndex cell, double height_m) const {
   return top_m;
 }
 
+AreaIndex::Span AreaIndex::ground_around(raster::CellIndex cell) const {
+  Span ground{kInfinity, -kInfinity};
+  for (int row = cell.row - 1; row <= cell.row + 1; ++row) {
+    for (int column = cell.column - 1; column <= cell.column + 1; ++column) {
+      if (!map_->geometry.contains(raster::CellIndex{column, row})) {
+        continue;
+      }
+      const auto here_m = static_cast<double>(map_->terrain_m.at(column, row));
+      if (std::isnan(here_m)) {
+        return {here_m, here_m};
+      }
+      ground.low_m = std::min(ground.low_m, here_m);
+      ground.high_m = std::max(ground.high_m, here_m);
+    }
+  }
+  return ground;
+}
+
+AreaIndex::Span AreaIndex::free_over(raster::CellIndex cell, double low_m) const {
+  Span free{low_m, kInfinity};
+  if (!has_hard(cell)) {
+    return free;
+  }
+  const Span ground_m = ground_around(cell);
+  std::vector<Span> claims;
+  for (const std::uint32_t number : lists_[cells_.at(cell)]) {
+    const map::Area& area = map_->areas[number];
+    if (area.is_hard) {
+      Span claim{area.floor.altitude_m(ground_m.low_m), area.ceiling.altitude_m(ground_m.high_m)};
+      claims.push_back({std::isnan(claim.low_m) ? -kInfinity : claim.low_m,
+                        std::isnan(claim.high_m) ? kInfinity : claim.high_m});
+    }
+  }
+  std::sort(claims.begin(), claims.end(),
+            [](const Span& a, const Span& b) { return a.low_m < b.low_m; });
+  for (const Span& claim : claims) {
+    if (claim.low_m > free.low_m) {
+      free.high_m = claim.low_m;
+      break;
+    }
+    // The ceiling belongs to the area.
+    if (claim.high_m >= free.low_m) {
+      free.low_m = std::nextafter(claim.high_m, kInfinity);
+    }
+  }
+  return free;
+}
+
+const map::Area* AreaIndex::closing(raster::CellIndex cell, const Span& altitudes) const {
+  if (!has_hard(cell)) {
+    return nullptr;
+  }
+  const raster::GridGeometry& g = map_->geometry;
+  const geo::MapPoint centre = g.centre(cell);
+  const double west_m = g.west_m + g.cell_m * cell.column;
+  const double south_m = g.south_m + g.cell_m * cell.row;
+  const Span ground_m = ground_around(cell);
+  for (const std::uint32_t number : lists_[cells_.at(cell)]) {
+    const map::Area& area = map_->areas[number];
+    // Limits over the ground that is least favourable to the claim; NaN makes no claim.
+    if (!area.is_hard || !(area.floor.altitude_m(ground_m.high_m) <= altitudes.low_m) ||
+        !(area.ceiling.altitude_m(ground_m.low_m) >= altitudes.high_m) ||
+        !is_inside(area, centre)) {
+      continue;
+    }
+    // No edge near the cell means that it is inside as a whole, as its centre is.
+    bool is_cut = false;
+    for_each_edge(area, [&](const geo::MapPoint& a, const geo::MapPoint& b) {
+      is_cut = is_cut ||
+               (std::max(a.x_m, b.x_m) >= west_m && std::min(a.x_m, b.x_m) <= west_m + g.cell_m &&
+                std::max(a.y_m, b.y_m) >= south_m && std::min(a.y_m, b.y_m) <= south_m + g.cell_m);
+    });
+    if (!is_cut) {
+      return &area;
+    }
+  }
+  return nullptr;
+}
+
+bool AreaIndex::has_hard(raster::CellIndex cell) const {
+  const std::vector<std::uint32_t>& list = lists_[list_at(cell)];
+  return std::any_of(list.begin(), list.end(),
+                     [&](std::uint32_t number) { return map_->areas[number].is_hard; });
+}
+
+bool AreaIndex::has_soft(raster::CellIndex cell) const {
+  const std::vector<std::uint32_t>& list = lists_[list_at(cell)];
+  return std::any_of(list.begin(), list.end(),
+                     [&](std::uint32_t number) { return !map_->areas[number].is_hard; });
+}
+
 }  // namespace hedgehop::risk

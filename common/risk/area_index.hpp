@@ -55,9 +55,30 @@ class AreaIndex {
   /// +infinity for an area without end, -infinity where there is none. The cell must be inside.
   [[nodiscard]] double wall_top_m(raster::CellIndex cell, double height_m) const;
 
+  /// Altitudes from low_m to high_m.
+  struct Span {
+    double low_m = 0.0;
+    double high_m = 0.0;
+  };
+  /// The lowest air over a cell, from `low_m` upwards, that is free of all hard areas which touch
+  /// the cell: the greatest ceiling of those that reach up from there, to the least floor of the
+  /// others. Limits above ground are taken at the highest and the lowest ground of the cell and
+  /// its neighbours, so that the span is free over the whole cell. Without such areas [low_m,
+  /// +infinity]; low_m = +infinity where areas have no end. The cell must be inside.
+  [[nodiscard]] Span free_over(raster::CellIndex cell, double low_m) const;
+
+  /// A hard area that holds the whole cell at all altitudes from low_m to high_m, so that nothing
+  /// passes over it in between, or null.
+  [[nodiscard]] const map::Area* closing(raster::CellIndex cell, const Span& altitudes) const;
+
+  [[nodiscard]] bool has_hard(raster::CellIndex cell) const;
+  [[nodiscard]] bool has_soft(raster::CellIndex cell) const;
+
  private:
   [[nodiscard]] bool holds(const map::Area& area, const geo::MapPoint& point,
                            double altitude_m) const;
+  // Lowest and highest known ground of the cell and its neighbours, NaN if some is unknown.
+  [[nodiscard]] Span ground_around(raster::CellIndex cell) const;
   [[nodiscard]] bool is_entered(const map::Area& area, const flight::Waypoint& a,
                                 const flight::Waypoint& b) const;
 

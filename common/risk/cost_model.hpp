@@ -80,6 +80,24 @@ class CostDensity {
     const double share = (height_m - heights_m_[i]) / (heights_m_[i + 1] - heights_m_[i]);
     return low + share * (static_cast<double>(visibility[i + 1]) - low);
   }
+  /// The least at any height from this one on: seen() falls between two of heights_m() where the
+  /// visibilities do.
+  [[nodiscard]] double least_seen_above(const float* visibility, double height_m) const {
+    double least = seen(visibility, height_m);
+    for (std::size_t i = 0; i < heights_m_.size(); ++i) {
+      if (heights_m_[i] > height_m) {
+        least = std::fmin(least, static_cast<double>(visibility[i]));
+      }
+    }
+    return least;
+  }
+  /// The least value at any height from this one on.
+  [[nodiscard]] double least_above(const float* visibility, double semantics,
+                                   double height_m) const {
+    const double here = least_seen_above(visibility, height_m);
+    return 1.0 + weights_.visibility * here * here + weights_.semantics * semantics +
+           weights_.height_1pm * std::fmax(height_m - reference_height_m_, 0.0);
+  }
   /// >= 1.
   [[nodiscard]] double operator()(const float* visibility, double semantics,
                                   double height_m) const {
@@ -156,6 +174,8 @@ class CostModel {
   /// touches and whose flight at reference height it may hold.
   [[nodiscard]] const raster::Grid<float>& visibility_layer() const { return visibility_; }
   [[nodiscard]] const raster::Grid<float>& semantics_layer() const { return semantics_; }
+  /// The same without soft areas: the least that a cell may cost.
+  [[nodiscard]] const raster::Grid<float>& land_use_layer() const { return land_use_; }
 
  private:
   const map::Map* map_;

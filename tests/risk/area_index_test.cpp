@@ -198,6 +198,43 @@ TEST(AreaIndex, EveryCellWithAPointOfAnAreaKnowsIt) {
   }
 }
 
+TEST(AreaIndex, FreeAirOverACellEndsBelowTheNextAreaAndBeginsAboveThoseThatReachUp) {
+  map::Area low = rectangle(300.0, 300.0, 900.0, 900.0);
+  low.ceiling = {220.0, Reference::kAmsl};
+  map::Area middle = low;
+  middle.floor = {215.0, Reference::kAmsl};
+  middle.ceiling = {250.0, Reference::kAmsl};
+  map::Area high = low;
+  high.floor = {150.0, Reference::kAboveGround};
+  high.ceiling = kNoEnd;
+  map::Area soft = rectangle(0.0, 0.0, 1800.0, 1500.0);
+  soft.is_hard = false;
+  const map::Map map = slope_with({high, middle, low, soft});
+  const AreaIndex index(map);
+  // Column 20: ground 161.5 m at the centre, 158.5 m at the centre of the cell to the west.
+  const AreaIndex::Span free = index.free_over({20, 20}, 180.0);
+  EXPECT_GT(free.low_m, 250.0);
+  EXPECT_NEAR(free.low_m, 250.0, 1e-6);
+  EXPECT_NEAR(free.high_m, 158.5 + 150.0, 1e-4);
+  EXPECT_NEAR(index.free_over({20, 20}, 260.0).low_m, 260.0, 0.0);
+  EXPECT_EQ(index.free_over({20, 20}, 320.0).low_m, kInfinity);
+  EXPECT_EQ(index.free_over({2, 2}, 120.0).low_m, 120.0);
+  EXPECT_EQ(index.free_over({2, 2}, 120.0).high_m, kInfinity);
+}
+
+TEST(AreaIndex, ACellIsClosedOnlyIfOneAreaHoldsAllOfIt) {
+  map::Area area = rectangle(300.0, 300.0, 905.0, 900.0);
+  area.ceiling = {100.0, Reference::kAboveGround};
+  const map::Map map = slope_with({area});
+  const AreaIndex index(map);
+  EXPECT_EQ(index.closing({20, 20}, {165.0, 250.0}), &map.areas[0]);
+  // 100 m above the lower neighbour's ground of 158.5 m.
+  EXPECT_EQ(index.closing({20, 20}, {165.0, 258.0}), &map.areas[0]);
+  EXPECT_EQ(index.closing({20, 20}, {165.0, 259.0}), nullptr);
+  EXPECT_EQ(index.closing({30, 20}, {165.0, 200.0}), nullptr);  // its east is free
+  EXPECT_EQ(index.closing({2, 20}, {105.0, 120.0}), nullptr);
+}
+
 TEST(AreaIndex, UnknownGroundHoldsNothingBack) {
   map::Area area = rectangle(300.0, 300.0, 900.0, 900.0);
   area.floor = {500.0, Reference::kAboveGround};

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <vector>
+
+#include "geo/map_projection.hpp"
+#include "global_planning/flight_envelope.hpp"
+
+namespace hedgehop::global_planning {
+
+/// Strict lower bound of eq. (1) for every route of an envelope to one target.
+///
+/// A function u with |grad u| <= w almost everywhere and u(target) = 0 bounds every path: its cost
+/// is at least the integral of w along its ground track, hence at least u where it begins. w is
+/// FlightEnvelope::least_density(), constant over each cell. u is bilinear between the corners of
+/// cells, so |grad u| is greatest in a corner of a cell, where it follows from the two sides that
+/// meet there.
+///
+/// A first u solves |grad u| = w by fast marching (J. A. Sethian, PNAS 93(4), 1996,
+/// doi:10.1073/pnas.93.4.1591); in some corners it is too steep. Each side is then allowed to rise
+/// as far as in this u, divided by the worst steepness of the four corners that it belongs to:
+/// whatever keeps to these limits is nowhere too steep. The greatest such u is the shortest way
+/// along the sides of cells. Repeating this with that u never lowers it. So no factor for
+/// metrication is needed, and the bound holds whatever the first solution was.
+///
+/// Ground beyond the cell of `from` keeps the value found there: capping u keeps it valid.
+/// O(cells). Climb and turn limits are left free, so over steep ground the bound is loose.
+class CostBound {
+ public:
+  CostBound(const FlightEnvelope& envelope, const geo::MapPoint& target, const geo::MapPoint& from);
+
+  /// No route from this place to the target costs less [m]; 0 outside the map, infinity if none can
+  /// exist.
+  [[nodiscard]] double cost_m(const geo::MapPoint& from) const;
+
+ private:
+  raster::GridGeometry cells_;
+  std::vector<float> cost_m_;  // at the corners of cells, rows of columns + 1
+};
+
+}  // namespace hedgehop::global_planning
