@@ -62,8 +62,8 @@ class Corners {
         wide_(static_cast<std::uint32_t>(cells_.columns) + 3),
         count_(std::size_t{wide_} * (static_cast<std::size_t>(cells_.rows) + 3)),
         slope_(count_, kInfinity),
-        along_x_(count_),
-        along_y_(count_),
+        along_x_(count_, kInfinity),
+        along_y_(count_, kInfinity),
         steepest_x_(count_),
         steepest_y_(count_) {
     for (int row = 0; row < cells_.rows; ++row) {

@@ -92,7 +92,7 @@ std::optional<NoPlan> fault_of(const flight::Waypoint& end, const EndNames& name
   return std::nullopt;
 }
 
-NoPlan no_plan_of(const Disconnection& gap) {
+NoPlan no_plan_of(const Disconnection& gap, const GlobalOptions& options) {
   std::ostringstream why;
   if (gap.area != nullptr) {
     why << "no route exists: hard area '" << gap.area->name << "' ("
@@ -105,10 +105,10 @@ NoPlan no_plan_of(const Disconnection& gap) {
   }
   why << "no route exists: from the start only " << gap.reachable_patches
       << " patches of one cell can be reached within the height envelope, and the goal is not "
-         "among "
-         "them; unknown ground or steps higher than the envelope lie between. The marked place is "
-         "the "
-         "reachable one nearest to the goal. Choose another "
+         "among them; unknown ground or steps higher than the envelope is thick ("
+      << text_of(options.envelope_ceiling_m - options.envelope_floor_m)
+      << " m) lie between. The marked place is the reachable one nearest to the goal. Choose "
+         "another "
       << (gap.is_goal_enclosed ? "goal" : "start") << ", or raise global.envelope_ceiling_m";
   return {NoPlanCause::kSearchSpaceDisconnected, gap.nearest_to_goal, why.str()};
 }
@@ -226,7 +226,7 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
     return NoPlan{NoPlanCause::kStopped, std::nullopt, "stopped before the search began"};
   }
   if (const auto gap = prove_disconnected(envelope)) {
-    return no_plan_of(*gap);
+    return no_plan_of(*gap, options);
   }
 
   const std::int64_t budget = problem.work_budget;

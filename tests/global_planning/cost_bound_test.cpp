@@ -151,6 +151,20 @@ TEST(CostBound, IsBelowTheCheapestWayThroughRandomFieldsAndNearIt) {
   }
 }
 
+TEST(CostBound, WorksUpToTheEdgeOfTheMap) {
+  const PlanningCase in = flat(12, [](int, int) { return 0.0; });
+  GlobalOptions options = test::shipped_global_options();
+  options.lateral_margin_m = 0.0;
+  const flight::Waypoint start = in.above(20, 20, 20.0);
+  const flight::Waypoint goal = in.above(340, 340, 20.0);
+  const FlightEnvelope envelope(in.costs, options, start, goal);
+  const CostBound bound(envelope, goal.point(), start.point());
+  const double straight_m = std::hypot(320.0, 320.0) * (1.0 + 0.01 * (20.0 - 15.24));
+  EXPECT_LE(bound.cost_m(start.point()), straight_m);
+  EXPECT_GE(bound.cost_m(start.point()), 0.8 * straight_m);
+  EXPECT_EQ(bound.cost_m({-1.0, 20.0}), 0.0);
+}
+
 TEST(CostBound, NoPartOfAnyRouteCostsLessThanItsDifference) {
   const auto seed = test::fresh_seed();
   map::Map map = test::make_fractal_map(seed, 200, 30.0, 2000.0, 250.0);
