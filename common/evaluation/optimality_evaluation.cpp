@@ -253,7 +253,7 @@ OptimalityResult evaluate_optimality(const map::Map& map, const planning::Planni
   const DrawnProblems drawn = draw_problems(map, options.drawing, options.problems, seed);
   const geo::MapProjection projection(map.crs_wkt);
   const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
+                              config.reference_height_m, config.small_patch_m);
   OptimalityResult result;
   result.seed = seed;
   result.map_hash = map.hash;
