@@ -114,7 +114,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
       "effective configuration");
   const map::Map map = map::read_map_bundle(arguments.map);
   const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
+                              config.reference_height_m, config.small_patch_m);
   const auto contestants = evaluation::make_contestants(options.planners, costs, config,
                                                         shipped.overrun_s, process_cpu_s);
   const auto observer = console.observer();

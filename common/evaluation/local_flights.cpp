@@ -30,8 +30,12 @@ PlanningConfig config_with(const std::string& text, const std::vector<std::strin
 }
 
 risk::CostModel costs_of(const map::Map& map, const PlanningConfig& config) {
-  return {map, config.weights, config.semantics, config.unknown_visibility,
-          config.reference_height_m, config.small_patch_m};
+  return {map,
+          config.weights,
+          config.semantics,
+          config.unknown_visibility,
+          config.reference_height_m,
+          config.small_patch_m};
 }
 
 // Nothing if the flight did not reach the goal.
