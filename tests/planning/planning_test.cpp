@@ -146,6 +146,27 @@ TEST_F(PlanningTest, RouteWithViaPointPassesIt) {
   EXPECT_LT(nearest_m, 0.01);
 }
 
+TEST_F(PlanningTest, ViaPointWithAHeightIsNotFlownBelowByTheVerticalPass) {
+  request_.via = {place(map_, 4000.0, 9000.0, 70.0)};
+  const auto result = plan(request_);
+  ASSERT_TRUE(std::holds_alternative<flight::Plan>(result));
+  const auto& plan = std::get<flight::Plan>(result);
+  const flight::FlightState* nearest = nullptr;
+  double nearest_m = 1e9;
+  for (const flight::FlightState& state : plan.trajectory.states) {
+    const double distance_m =
+        std::hypot(state.x_m - kWest_m - 4000.0, state.y_m - kSouth_m - 9000.0);
+    if (distance_m < nearest_m) {
+      nearest_m = distance_m;
+      nearest = &state;
+    }
+  }
+  ASSERT_NE(nearest, nullptr);
+  // Not the full 70 m: the corner is cut, where the route is lower.
+  EXPECT_GT(nearest->altitude_m - nearest->surface_m, 50.0);
+  EXPECT_LT(plan.measures.mean_height_m, 45.0) << "and low elsewhere";
+}
+
 TEST_F(PlanningTest, HeadingsAreTrueAndDifferFromGridByTheConvergence) {
   const auto result = plan(request_);
 
