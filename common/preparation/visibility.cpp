@@ -182,7 +182,9 @@ struct Work {
   LineKernel kernel = nullptr;
 };
 
-void run_tile(const Tile& tile, const Work& work, Observer& observer) {
+// Calls `line_done` after each line of the pass.
+template <typename LineDone>
+void run_tile(const Tile& tile, const Work& work, Observer& observer, const LineDone& line_done) {
   Pass& pass = *tile.pass;
   TileSums sums;
   sums.stride = tile.columns + 2 * kIdleLanes;
@@ -210,12 +212,14 @@ void run_tile(const Tile& tile, const Work& work, Observer& observer) {
   std::uint32_t further_known = 0;
   for (const SightLine& line : pass.lines) {
     if (work.only_further && !line.has_further) {
+      line_done();
       continue;
     }
     observer.check_stop();
     add_line(tile, line, line.has_further ? work.further_count : 0, sums, buffers, work.kernel);
     known += 2 * line.ray_weight;
     further_known += line.has_further ? 2 * line.ray_weight : 0;
+    line_done();
   }
   const auto copy = [&](const std::int32_t* from, std::uint32_t more, std::int32_t* to) {
     std::transform(from, from + tile.columns, to, [more](std::int32_t value) {
@@ -363,14 +367,19 @@ VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::Cel
     }
     const Work work{&ground, static_cast<float>(options.reference_height_m),
                     static_cast<int>(count), round > 0, kernel};
-    std::atomic<std::int64_t> tiles_done = 0;
+    std::size_t line_count = 0;
+    for (const Tile& tile : tiles) {
+      line_count += tile.pass->lines.size();
+    }
+    std::atomic<std::size_t> lines_done = 0;
+    const auto line_done = [&] {
+      const double done = static_cast<double>(++lines_done) / static_cast<double>(line_count);
+      observer.progress(kStage, (static_cast<double>(round) + done) / static_cast<double>(rounds),
+                        1.0);
+    };
     arena.execute([&] {
-      tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) {
-        run_tile(tiles[i], work, observer);
-        const double done = static_cast<double>(++tiles_done) / static_cast<double>(tiles.size());
-        observer.progress(kStage, (static_cast<double>(round) + done) / static_cast<double>(rounds),
-                          1.0);
-      });
+      tbb::parallel_for(std::size_t{0}, tiles.size(),
+                        [&](std::size_t i) { run_tile(tiles[i], work, observer, line_done); });
     });
     const auto sum = [&](const std::vector<std::int32_t>& y, const std::vector<std::int32_t>& x,
                          std::size_t plane, raster::CellIndex cell) {

@@ -61,10 +61,10 @@ struct StripObservers {
   std::ptrdiff_t further_plane = 0;  // there the planes of all heights lie between
   bool is_some_unknown = false;
 
-  std::int32_t* buffer_row = nullptr;  // rising
-  std::int32_t* behind = nullptr;      // buffer_row counted along the rays, from any row
-  std::int32_t* from = nullptr;        // row in the task
-  std::int32_t* listed = nullptr;      // those that look at a block
+  std::int32_t* buffer_row = nullptr;    // rising
+  const std::int32_t* behind = nullptr;  // buffer_row counted along the rays, from any row
+  std::int32_t* from = nullptr;          // row in the task
+  std::int32_t* listed = nullptr;        // those that look at a block
 };
 
 // Bits of a block's kind.
@@ -436,34 +436,49 @@ void look_at_block(const RaySteps& steps, const StripObservers& observers, const
   }
 }
 
-// All rays of a strip in one direction.
-template <int kFurther>
-void look_along(const LineTask& task, const Strip& strip, StripObservers& observers,
-                int direction) {
-  const FloatTag tag;
-  const RaySteps& steps = *task.steps;
+// Who has to do with a block: ranges of observers.
+struct BlockPlan {
+  std::int32_t reach_begin = 0;  // whose rays get as far
+  std::int32_t reach_end = 0;
+  std::int32_t asked_begin = 0;  // whether they may see something of it
+  std::int32_t asked_end = 0;
+  std::int32_t asked_twice_begin = 0;  // the same, of this block and the next; empty in the next
+  std::int32_t asked_twice_end = 0;
+};
+
+static_assert(sizeof(BlockPlan) == kPlanNumbers * sizeof(std::int32_t));
+
+// The blocks that rays in one direction cross, in this order. Neighbouring strips mostly have the
+// same rows of observers and so the same course.
+struct Course {
+  int direction = 0;
+  int first_block = 0;
+  int block_count = 0;
+  std::int32_t* behind = nullptr;  // by row of observers
+  BlockPlan* plans = nullptr;
+};
+
+void plan(const RaySteps& steps, const StripObservers& observers, Course& course) {
   const int n = observers.count;
+  const int direction = course.direction;
   for (std::ptrdiff_t o = 0; o < n; ++o) {
-    observers.behind[o] = direction * observers.buffer_row[o];
+    course.behind[o] = direction * observers.buffer_row[o];
   }
-  const int lowest_row = observers.buffer_row[0];
-  const int highest_row = observers.buffer_row[n - 1];
-  const int first_block = (direction > 0 ? lowest_row : highest_row) / kBlockRows;
-  const int last_block =
-      (direction > 0 ? highest_row + steps.count : lowest_row - steps.count) / kBlockRows;
-  // Observers counted along the direction: a block may be seen by those of [begin, end), of which
-  // the ones of [begin, far) are asked about two blocks, those of [far, near) about this one and
-  // the rest not any more.
+  const int first_row = observers.buffer_row[direction > 0 ? 0 : n - 1];
+  const int last_row = observers.buffer_row[direction > 0 ? n - 1 : 0] + direction * steps.count;
+  course.first_block = first_row / kBlockRows;
+  course.block_count = direction * (last_row / kBlockRows - course.first_block) + 1;
+  // Observers counted along the direction: rays of those of [begin, end) cross the block; the ones
+  // of [begin, far) are asked about two blocks, those of [far, near) about this one.
   int begin = 0;
   int far = 0;
   int near = 0;
   int end = 0;
-  int far_count = 0;
-  const auto behind = [&](int i) { return observers.behind[direction > 0 ? i : n - 1 - i]; };
-  for (int b = first_block; b != last_block + direction; b += direction) {
-    const int row = b * kBlockRows + (direction > 0 ? 0 : kBlockRows - 1);
-    const int ahead = direction * row;
-    const bool is_first_of_two = (b % 2 == 0) == (direction > 0);
+  const auto behind = [&](int i) { return course.behind[direction > 0 ? i : n - 1 - i]; };
+  const auto first = [&](int from, int to) { return direction > 0 ? from : n - to; };
+  for (int i = 0; i < course.block_count; ++i) {
+    const int b = course.first_block + direction * i;
+    const int ahead = direction * (b * kBlockRows + (direction > 0 ? 0 : kBlockRows - 1));
     while (end < n && behind(end) - ahead < kBlockRows) {
       ++end;
     }
@@ -474,45 +489,63 @@ void look_along(const LineTask& task, const Strip& strip, StripObservers& observ
     while (near < end && ahead - behind(near) > kNearRows) {
       ++near;
     }
+    const bool is_first_of_two = i % 2 == 0;
     if (is_first_of_two) {
       while (far < near && ahead - behind(far) >= kAskedTwiceUntil) {
         ++far;
       }
     }
-    const auto first = [&](int from, int to) { return direction > 0 ? from : n - to; };
+    const int asked = std::max(begin, far);
+    BlockPlan& plan = course.plans[i];
+    plan.reach_begin = first(begin, end);
+    plan.reach_end = plan.reach_begin + end - begin;
+    plan.asked_begin = first(asked, near);
+    plan.asked_end = plan.asked_begin + near - asked;
+    plan.asked_twice_begin = first(begin, asked);
+    plan.asked_twice_end = plan.asked_twice_begin + (is_first_of_two ? asked - begin : 0);
+  }
+}
+
+// All rays of a strip in one direction.
+template <int kFurther>
+void look_along(const LineTask& task, const Strip& strip, StripObservers& observers,
+                const Course& course) {
+  const FloatTag tag;
+  const RaySteps& steps = *task.steps;
+  const int direction = course.direction;
+  observers.behind = course.behind;
+  int far_count = 0;
+  for (int i = 0; i < course.block_count; ++i) {
+    const BlockPlan& plan = course.plans[i];
+    const int b = course.first_block + direction * i;
+    const int row = b * kBlockRows + (direction > 0 ? 0 : kBlockRows - 1);
     Block block;
     block.stride = direction * kLanes;
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(row) * kLanes;
     block.hiding_m = strip.hiding_m + at;
     block.edge_m = strip.edge_m + at;
     block.weight = strip.weight == nullptr ? nullptr : strip.weight + at;
-    block.first_step = ahead - 1 + kBlockRows;
+    block.first_step = direction * row - 1 + kBlockRows;
     const std::int32_t kind = strip.block_kind[b];
     const float* highest_m = strip.highest_m + static_cast<std::ptrdiff_t>(b) * kLanes;
     const Floats highest = hn::Load(tag, highest_m);
-    if (is_first_of_two) {
-      far_count = 0;
-      if (begin < far) {
-        const Floats of_two = b == last_block
-                                  ? highest
-                                  : hn::Max(highest, hn::Load(tag, highest_m + direction * kLanes));
-        far_count = list_observers<kFurther>(steps, observers, of_two, block.first_step,
-                                             2 * kBlockRows, first(begin, far),
-                                             first(begin, far) + far - begin, observers.listed);
-      }
+    if (i % 2 == 0) {
+      const Floats of_two = i + 1 == course.block_count
+                                ? highest
+                                : hn::Max(highest, hn::Load(tag, highest_m + direction * kLanes));
+      far_count =
+          list_observers<kFurther>(steps, observers, of_two, block.first_step, 2 * kBlockRows,
+                                   plan.asked_twice_begin, plan.asked_twice_end, observers.listed);
     }
-    if (begin < end && ((kind & kHasUnknown) != 0 || block.weight != nullptr)) {
-      add_unknown(task, observers, block, kind, first(begin, end), first(begin, end) + end - begin);
+    if ((kind & kHasUnknown) != 0 || block.weight != nullptr) {
+      add_unknown(task, observers, block, kind, plan.reach_begin, plan.reach_end);
     }
     if ((kind & kHasKnown) == 0) {
       continue;
     }
-    const int asked = std::max(begin, far);
-    std::int32_t* listed = observers.listed + far_count;
-    const int first_asked = first(asked, near);
     const int count =
         list_observers<kFurther>(steps, observers, highest, block.first_step, kBlockRows,
-                                 first_asked, first_asked + near - asked, listed);
+                                 plan.asked_begin, plan.asked_end, observers.listed + far_count);
     look_at_block<kFurther>(steps, observers, block, kind, far_count + count);
   }
 }
@@ -534,6 +567,8 @@ void run(const LineTask& task, float* floats, std::int32_t* indices) {
     strip.highest_m = take(floats, row_floats / kBlockRows);
     strip.block_kind = take(indices, task.buffer_rows / kBlockRows);
   }
+  auto* plans = reinterpret_cast<BlockPlan*>(
+      take(indices, 2 * (task.buffer_rows / kBlockRows) * kPlanNumbers));
   const auto row_count = static_cast<std::ptrdiff_t>(task.rows->size());
   StripObservers observers;
   observers.eyes_m = take(floats, row_count * kLanes);
@@ -547,9 +582,10 @@ void run(const LineTask& task, float* floats, std::int32_t* indices) {
   float* greatest_down = observers.greatest + observers.down;
   float* further_greatest_down = observers.further_greatest + kFurther * observers.further_plane;
   observers.buffer_row = take(indices, row_count);
-  observers.behind = take(indices, row_count);
   observers.from = take(indices, row_count);
   observers.listed = take(indices, row_count);
+  Course upwards{1, 0, 0, take(indices, row_count), plans};
+  Course downwards{-1, 0, 0, take(indices, row_count), plans + task.buffer_rows / kBlockRows};
   const std::vector<ObserverRow>& rows = *task.rows;
   int columns_begin = rows.front().skewed_begin;
   int columns_end = rows.front().skewed_end;
@@ -559,6 +595,9 @@ void run(const LineTask& task, float* floats, std::int32_t* indices) {
   }
   constexpr int kColumnsTogether = kStripsTogether * kLanes;
   constexpr std::size_t kRowsAhead = 8;
+  std::ptrdiff_t planned_count = 0;
+  std::int32_t planned_first = 0;
+  std::int32_t planned_last = 0;
   for (int group = columns_begin; group < columns_end; group += kColumnsTogether) {
     const int group_end = std::min(group + kColumnsTogether, columns_end);
     int first_row = task.buffer_rows;
@@ -595,13 +634,24 @@ void run(const LineTask& task, float* floats, std::int32_t* indices) {
       if (n == 0) {
         continue;
       }
+      const bool is_planned = n == planned_count && observers.from[0] == planned_first &&
+                              observers.from[n - 1] == planned_last;
       observers.count = static_cast<int>(n);
       observers.is_some_unknown = false;
+      if (!is_planned) {
+        plan(*task.steps, observers, upwards);
+        plan(*task.steps, observers, downwards);
+        // Others between the same first and last ones would be another course.
+        const bool is_without_gap = observers.from[n - 1] - observers.from[0] + 1 == n;
+        planned_count = is_without_gap ? n : 0;
+        planned_first = observers.from[0];
+        planned_last = observers.from[n - 1];
+      }
       look_near_all<kFurther>(*task.steps, strip, observers);
-      look_along<kFurther>(task, strip, observers, 1);
+      look_along<kFurther>(task, strip, observers, upwards);
       std::swap(observers.greatest, greatest_down);
       std::swap(observers.further_greatest, further_greatest_down);
-      look_along<kFurther>(task, strip, observers, -1);
+      look_along<kFurther>(task, strip, observers, downwards);
       std::swap(observers.greatest, greatest_down);
       std::swap(observers.further_greatest, further_greatest_down);
       for (std::ptrdiff_t o = 0; o < n; ++o) {
@@ -719,8 +769,8 @@ void add_lines(const LineTask& task, LineBuffers& buffers, LineKernel kernel) {
   const std::size_t blocks = rows / kBlockRows;
   const std::size_t observers = task.rows->size();
   const auto further = static_cast<std::size_t>(task.further_count);
-  buffers.indices.resize(
-      std::max(buffers.indices.size(), kStripsTogether * blocks + 4 * observers));
+  buffers.indices.resize(std::max(buffers.indices.size(),
+                                  (kStripsTogether + 2 * kPlanNumbers) * blocks + 5 * observers));
   kernel(task,
          aligned(buffers.floats, kLanesMax * (kStripsTogether * (3 * rows + blocks) +
                                               (5 + 3 * further) * observers)),

@@ -41,6 +41,8 @@ inline constexpr float kEdge_m = 16.0F;
 inline constexpr int kLanesMax = 16;
 /// Neighbouring strips that are interpolated together, as their ground lies in the same pages.
 inline constexpr int kStripsTogether = 4;
+/// Numbers that say who looks at a block.
+inline constexpr int kPlanNumbers = 6;
 /// Rows of a block.
 inline constexpr int kBlockRows = 8;
 /// Further heights in one pass.
