@@ -273,6 +273,8 @@ OptimalityResult evaluate_optimality(const map::Map& map, const planning::Planni
     problem.from = end_at(map, config, ends.start);
     problem.to = end_at(map, config, ends.goal);
     problem.distance_m = flight::length_m({problem.from, problem.to});
+    // Each metre costs at least 1; rounding of long sums must not exceed the straight leg.
+    problem.lower_bound_m = problem.distance_m * (1.0 - 1e-9);
     const OptimalityTask task{problem.from, problem.to, seed + index, options.budgets_s};
     const Judge judging(costs, config.global, task);
 

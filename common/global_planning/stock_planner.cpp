@@ -109,19 +109,23 @@ class StraightFrame final : public Frame {
   const FlightEnvelope* envelope_;
 };
 
-/// Position. The distance by which planners choose neighbours counts altitude as the way that it
-/// takes to climb or sink so far: near but steep edges are none.
+/// The distance by which planners choose neighbours counts altitude as the way that it takes to
+/// climb or sink so far: near but steep edges are none.
+double neighbour_distance_m(const Waypoint& a, const Waypoint& b, double climb_cotangent) {
+  const double dx_m = a.x_m - b.x_m;
+  const double dy_m = a.y_m - b.y_m;
+  const double dz_m = climb_cotangent * (a.altitude_m - b.altitude_m);
+  return std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
+}
+
+/// Position.
 class ClimbSpace final : public ob::RealVectorStateSpace {
  public:
   explicit ClimbSpace(double climb_tangent_max)
       : ob::RealVectorStateSpace(3), climb_cotangent_(1.0 / climb_tangent_max) {}
   double distance(const ob::State* a, const ob::State* b) const override {
-    const double* from = a->as<StateType>()->values;
-    const double* to = b->as<StateType>()->values;
-    const double dx_m = from[0] - to[0];
-    const double dy_m = from[1] - to[1];
-    const double dz_m = climb_cotangent_ * (from[2] - to[2]);
-    return std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
+    return neighbour_distance_m(waypoint_of(*a->as<StateType>()), waypoint_of(*b->as<StateType>()),
+                                climb_cotangent_);
   }
 
  private:
@@ -157,12 +161,6 @@ class DubinsFrame final : public Frame {
 
   [[nodiscard]] DubinsPath path(const ob::State* from, const ob::State* to) const {
     return shortest_dubins_path(pose(from), pose(to), radius_m_);
-  }
-
-  [[nodiscard]] double length_m(const ob::State* from, const ob::State* to) const {
-    const double plan_m = path(from, to).length_m();
-    const double dz_m = waypoint(to).altitude_m - waypoint(from).altitude_m;
-    return std::sqrt(plan_m * plan_m + dz_m * dz_m);
   }
 
   // Midpoint rule along each part; on arcs the heading is turned from sample to sample.
@@ -261,21 +259,24 @@ class DubinsFrame final : public Frame {
   double climb_tangent_max_;
 };
 
-/// Position and heading; the distance is the length of the Dubins curve.
+/// Position and heading. The length of the curve between two poses is no metric, so that all pairs
+/// would have to be solved to find neighbours; the turn that headings differ by is counted instead.
 class DubinsSpace final : public ob::CompoundStateSpace {
  public:
-  DubinsSpace(const ob::RealVectorBounds& bounds, const DubinsFrame& frame) : frame_(&frame) {
+  DubinsSpace(const ob::RealVectorBounds& bounds, const DubinsFrame& frame,
+              double climb_tangent_max, double radius_m)
+      : frame_(&frame), climb_cotangent_(1.0 / climb_tangent_max), radius_m_(radius_m) {
     auto places = std::make_shared<ob::RealVectorStateSpace>(3);
     places->setBounds(bounds);
     addSubspace(places, 1.0);
     addSubspace(std::make_shared<ob::SO2StateSpace>(), 1.0);
     lock();
   }
-  [[nodiscard]] bool isMetricSpace() const override { return false; }
-  [[nodiscard]] bool hasSymmetricDistance() const override { return false; }
   [[nodiscard]] bool hasSymmetricInterpolate() const override { return false; }
-  double distance(const ob::State* from, const ob::State* to) const override {
-    return frame_->length_m(from, to);
+  double distance(const ob::State* a, const ob::State* b) const override {
+    return neighbour_distance_m(frame_->waypoint(a), frame_->waypoint(b), climb_cotangent_) +
+           radius_m_ *
+               std::fabs(wrap_to_pi(frame_->heading_math_rad(a) - frame_->heading_math_rad(b)));
   }
   void interpolate(const ob::State* from, const ob::State* to, double share,
                    ob::State* state) const override {
@@ -291,6 +292,8 @@ class DubinsSpace final : public ob::CompoundStateSpace {
 
  private:
   const DubinsFrame* frame_;
+  double climb_cotangent_;
+  double radius_m_;
 };
 
 class Validity final : public ob::StateValidityChecker {
@@ -547,7 +550,7 @@ class StockPlanner::Search {
     if (method == StockMethod::kDubins) {
       auto frame = std::make_unique<DubinsFrame>(envelope, options, turn_radius_m);
       states = std::make_shared<DubinsSpace>(states->as<ob::RealVectorStateSpace>()->getBounds(),
-                                             *frame);
+                                             *frame, envelope.climb_tangent_max(), turn_radius_m);
       frame_ = std::move(frame);
     } else {
       frame_ = std::make_unique<StraightFrame>(envelope);
