@@ -15,7 +15,9 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kStart = 0;
 constexpr int kGoal = 1;
 constexpr int kStopInterval = 64;
-constexpr std::uint64_t kNoEdge = ~std::uint64_t{0};
+constexpr int kBatchStepSize = 64;  // draws or refused edges
+constexpr std::int64_t kIdleBatchesMax = 20;
+constexpr std::size_t kQueueReserve = std::size_t{1} << 20U;
 
 // Before a route is known, the ellipse of batch n holds all polylines of at most this many times
 // the straight length; after some batches it covers any map.
@@ -44,8 +46,8 @@ BitStarSearch::BitStarSearch(const FlightEnvelope& envelope, const GlobalOptions
       options_(options),
       random_(seed),
       climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
-      long_leg_m_(2.0 * options.turn_radius_m * elementary::tan(0.5 * options.turn_angle_max_rad)),
-      table_(std::size_t{1} << 16U, Evaluated{kNoEdge, 0.0, false}) {
+      long_leg_m_(2.0 * options.turn_radius_m * elementary::tan(0.5 * options.turn_angle_max_rad)) {
+  queue_.reserve(kQueueReserve);
   append_state(envelope.start());
   append_state(envelope.goal());
   come_m_[kStart] = 0.0;
@@ -91,51 +93,6 @@ std::uint64_t BitStarSearch::edge_id(int a, int b) {
   return (low << 32U) | high;
 }
 
-BitStarSearch::Evaluated* BitStarSearch::find_evaluated(std::uint64_t edge) {
-  const std::size_t mask = table_.size() - 1;
-  std::size_t slot = static_cast<std::size_t>((edge * 0x9e3779b97f4a7c15U) >> 20U) & mask;
-  while (table_[slot].edge != kNoEdge) {
-    if (table_[slot].edge == edge) {
-      return &table_[slot];
-    }
-    slot = (slot + 1) & mask;
-  }
-  return nullptr;
-}
-
-const BitStarSearch::Evaluated* BitStarSearch::find_evaluated(std::uint64_t edge) const {
-  return const_cast<BitStarSearch*>(this)->find_evaluated(edge);
-}
-
-void BitStarSearch::store_evaluated(std::uint64_t edge, double cost_m) {
-  if (2 * (table_used_ + 1) > table_.size()) {
-    grow_table();
-  }
-  const std::size_t mask = table_.size() - 1;
-  std::size_t slot = static_cast<std::size_t>((edge * 0x9e3779b97f4a7c15U) >> 20U) & mask;
-  while (table_[slot].edge != kNoEdge) {
-    slot = (slot + 1) & mask;
-  }
-  table_[slot] = {edge, cost_m, false};
-  ++table_used_;
-}
-
-void BitStarSearch::grow_table() {
-  std::vector<Evaluated> old(table_.size() * 2, Evaluated{kNoEdge, 0.0, false});
-  old.swap(table_);
-  const std::size_t mask = table_.size() - 1;
-  for (const Evaluated& entry : old) {
-    if (entry.edge == kNoEdge) {
-      continue;
-    }
-    std::size_t slot = static_cast<std::size_t>((entry.edge * 0x9e3779b97f4a7c15U) >> 20U) & mask;
-    while (table_[slot].edge != kNoEdge) {
-      slot = (slot + 1) & mask;
-    }
-    table_[slot] = entry;
-  }
-}
-
 // --- batches
 // --------------------------------------------------------------------------------------
 
@@ -177,7 +134,7 @@ bool BitStarSearch::is_inside(const Ellipse& ellipse, const geo::MapPoint& point
   return along * along + across * across <= 1.0;
 }
 
-// False if the budget ended in the middle of the batch; the next call goes on with it.
+// A part of the batch; true once it is complete.
 bool BitStarSearch::draw_samples() {
   const Ellipse ellipse = sampling_ellipse();
   const std::int64_t attempts_max = 50 * options_.batch_size;
@@ -186,7 +143,9 @@ bool BitStarSearch::draw_samples() {
   const double depth_m = geometry.north_m() - geometry.south_m;
   const double ellipse_m2 = std::numbers::pi * ellipse.half_major_m * ellipse.half_minor_m;
   const bool is_ellipse_smaller = ellipse_m2 < width_m * depth_m;
-  while (drawn_ < options_.batch_size && attempts_ < attempts_max && counts_.work_units < budget_) {
+  for (int step = 0; step < kBatchStepSize && drawn_ < options_.batch_size &&
+                     attempts_ < attempts_max && counts_.work_units < budget_;
+       ++step) {
     ++attempts_;
     const double first = random_.unit();
     const double second = random_.unit();
@@ -311,10 +270,43 @@ void BitStarSearch::for_each_neighbour(int of, const Visit& visit) const {
   }
 }
 
-void BitStarSearch::begin_batch() {
-  if (!draw_samples()) {
-    return;
+void BitStarSearch::step_batch() {
+  switch (batch_step_) {
+    case BatchStep::kNone:
+      return;
+    case BatchStep::kDraw:
+      if (draw_samples()) {
+        begin_graph();
+      }
+      return;
+    case BatchStep::kConnect:
+      if (connect_next_ == connect_end_) {
+        first_new_state_ = connect_end_;
+        gather_refused();
+        batch_step_ = BatchStep::kRetry;
+        return;
+      }
+      if (is_pruned_[connect_next_] == 0) {
+        const int state = static_cast<int>(connect_next_);
+        for_each_neighbour(state, [&](int neighbour, double) {
+          if (come_m_[neighbour] < kInfinity) {
+            consider(neighbour, state);
+          }
+        });
+      }
+      ++connect_next_;
+      return;
+    case BatchStep::kRetry:
+      retry_refused();
+      if (retry_next_ + 1 == again_begin_.size()) {
+        batch_step_ = BatchStep::kNone;
+        on_event_();
+      }
+      return;
   }
+}
+
+void BitStarSearch::begin_graph() {
   for (std::size_t i = 2; i < x_m_.size(); ++i) {
     if (from_start_m_[i] + to_goal_m_[i] >= best_cost_m_) {
       is_pruned_[i] = 1;
@@ -323,9 +315,12 @@ void BitStarSearch::begin_batch() {
   build_bins();
   queue_.clear();
   ++counts_.batches;
+  connect_next_ = first_new_state_;
+  connect_end_ = x_m_.size();
   if (options_.heading_labels && !has_route()) {
-    first_new_state_ = x_m_.size();
+    first_new_state_ = connect_end_;
     begin_labels();
+    batch_step_ = BatchStep::kNone;
     on_event_();
     return;
   }
@@ -333,31 +328,40 @@ void BitStarSearch::begin_batch() {
     consider(kStart, kGoal);
     push(to_goal_m_[kStart], kStart, -1);
   }
-  for (std::size_t i = first_new_state_; i < x_m_.size(); ++i) {
-    if (is_pruned_[i] == 0) {
-      const int state = static_cast<int>(i);
-      for_each_neighbour(state, [&](int neighbour, double) {
-        if (come_m_[neighbour] < kInfinity) {
-          consider(neighbour, state);
-        }
-      });
-    }
+  batch_step_ = BatchStep::kConnect;
+}
+
+// Sorts refused edges by the state that they leave.
+void BitStarSearch::gather_refused() {
+  again_begin_.assign(x_m_.size() + 1, 0);
+  for (const Entry& entry : refused_) {
+    ++again_begin_[static_cast<std::size_t>(entry.from) + 1];
   }
-  first_new_state_ = x_m_.size();
-  std::vector<Entry> again;
-  again.swap(refused_);
-  const auto place = [](const Entry& entry) { return std::pair(entry.from, entry.to); };
-  std::sort(again.begin(), again.end(),
-            [&](const Entry& a, const Entry& b) { return place(a) < place(b); });
-  again.erase(std::unique(again.begin(), again.end(),
-                          [&](const Entry& a, const Entry& b) { return place(a) == place(b); }),
-              again.end());
-  for (const Entry& entry : again) {
-    if (come_m_[entry.from] < kInfinity) {
-      consider(entry.from, entry.to);
-    }
+  for (std::size_t i = 1; i < again_begin_.size(); ++i) {
+    again_begin_[i] += again_begin_[i - 1];
   }
-  on_event_();
+  std::vector<std::int32_t> next(again_begin_.begin(), again_begin_.end() - 1);
+  again_to_.resize(refused_.size());
+  for (const Entry& entry : refused_) {
+    again_to_[static_cast<std::size_t>(next[static_cast<std::size_t>(entry.from)]++)] = entry.to;
+  }
+  refused_.clear();
+  retry_next_ = 0;
+}
+
+// Tries refused edges of some states again, each edge once.
+void BitStarSearch::retry_refused() {
+  const std::size_t states = again_begin_.size() - 1;
+  for (int step = 0; step < kBatchStepSize && retry_next_ < states; ++step, ++retry_next_) {
+    const auto begin = again_to_.begin() + again_begin_[retry_next_];
+    const auto end = again_to_.begin() + again_begin_[retry_next_ + 1];
+    if (begin == end || come_m_[retry_next_] == kInfinity) {
+      continue;
+    }
+    std::sort(begin, end);
+    std::for_each(begin, std::unique(begin, end),
+                  [&](std::int32_t to) { consider(static_cast<int>(retry_next_), to); });
+  }
 }
 
 // --- the queue of the tree
@@ -402,7 +406,7 @@ void BitStarSearch::consider(int from, int to) {
     return;
   }
   double cost_m = 0.0;
-  if (const Evaluated* evaluated = find_evaluated(edge_id(from, to)); evaluated != nullptr) {
+  if (const Evaluated* evaluated = table_.find(edge_id(from, to)); evaluated != nullptr) {
     cost_m = evaluated->cost_m;
   } else {
     const double dx_m = x_m_[to] - x_m_[from];
@@ -422,7 +426,7 @@ double BitStarSearch::evaluate(int a, int b) {
   const auto high = static_cast<std::size_t>(std::max(a, b));
   const double cost_m = envelope_->leg_cost_m(state(low), state(high));
   ++counts_.work_units;
-  store_evaluated(edge_id(a, b), cost_m);
+  table_.insert(edge_id(a, b), cost_m);
   return cost_m;
 }
 
@@ -457,7 +461,7 @@ void BitStarSearch::process(const Entry& entry) {
     return;
   }
   const std::uint64_t edge = edge_id(from, to);
-  const Evaluated* evaluated = find_evaluated(edge);
+  const Evaluated* evaluated = table_.find(edge);
   if (evaluated != nullptr &&
       !(come_m_[from] + evaluated->cost_m < come_m_[to] &&
         come_m_[from] + evaluated->cost_m + to_goal_m_[to] < best_cost_m_)) {
@@ -543,7 +547,7 @@ void BitStarSearch::accept_goal() {
   }
   std::reverse(path.begin(), path.end());
   for (std::size_t k = 1; k < path.size(); ++k) {
-    Evaluated* evaluated = find_evaluated(edge_id(path[k - 1], path[k]));
+    Evaluated* evaluated = table_.find(edge_id(path[k - 1], path[k]));
     HEDGEHOP_ASSERT(evaluated != nullptr);
     if (evaluated->is_fine_checked) {
       continue;
@@ -616,7 +620,7 @@ void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
                             x_m_[to] - x_m_[here.state], y_m_[to] - y_m_[here.state]))) {
       return;
     }
-    const Evaluated* evaluated = find_evaluated(edge_id(here.state, to));
+    const Evaluated* evaluated = table_.find(edge_id(here.state, to));
     const double cost_m = evaluated != nullptr ? evaluated->cost_m : length_m;
     if (cost_m < kInfinity) {
       search.queue.push_back({here.come_m + cost_m + kFirstInflation * ahead_m[to], label, to});
@@ -642,7 +646,7 @@ void BitStarSearch::step_labels() {
   if (search.closed.contains(arrival)) {
     return;
   }
-  Evaluated* evaluated = find_evaluated(edge_id(from.state, entry.to));
+  Evaluated* evaluated = table_.find(edge_id(from.state, entry.to));
   const auto queue_again = [&](double cost_m) {
     const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
     search.queue.push_back(
@@ -697,9 +701,8 @@ void BitStarSearch::install(std::vector<std::int32_t> path) {
     }
     const std::int32_t copy = append_state(state(static_cast<std::size_t>(path[k])));
     for (const std::int32_t neighbour : {path[k - 1], path[k + 1]}) {
-      const Evaluated known = *find_evaluated(edge_id(path[k], neighbour));
-      store_evaluated(edge_id(copy, neighbour), known.cost_m);
-      find_evaluated(edge_id(copy, neighbour))->is_fine_checked = true;
+      const Evaluated known = *table_.find(edge_id(path[k], neighbour));
+      table_.insert(edge_id(copy, neighbour), known.cost_m)->is_fine_checked = true;
     }
     path[k] = copy;
   }
@@ -710,7 +713,7 @@ void BitStarSearch::install(std::vector<std::int32_t> path) {
   }
   push(to_goal_m_[kStart], kStart, -1);
   for (std::size_t k = 1; k < path.size(); ++k) {
-    attach(path[k - 1], path[k], find_evaluated(edge_id(path[k - 1], path[k]))->cost_m);
+    attach(path[k - 1], path[k], table_.find(edge_id(path[k - 1], path[k]))->cost_m);
   }
 }
 
@@ -719,7 +722,6 @@ void BitStarSearch::run(std::int64_t work_budget, const ShouldStop& should_stop,
   budget_ = work_budget;
   on_event_ = on_event;
   int until_asked = 0;
-  std::int64_t idle_batches = 0;
   if (come_m_[kGoal] < best_cost_m_) {
     accept_goal();  // the budget of the run before ended in the middle of the fine check
   }
@@ -730,20 +732,27 @@ void BitStarSearch::run(std::int64_t work_budget, const ShouldStop& should_stop,
         return;
       }
     }
+    if (batch_step_ != BatchStep::kNone) {
+      step_batch();
+      if (batch_step_ == BatchStep::kNone) {
+        // Batches cost time but no work units when no edge can be tried (all ground unknown, say).
+        const bool is_idle =
+            queue_.empty() && !is_labelling_ && work_before_batch_ == counts_.work_units;
+        idle_batches_ = is_idle ? idle_batches_ + 1 : 0;
+      }
+      continue;
+    }
     if (is_labelling_) {
       step_labels();
       continue;
     }
     if (queue_.empty() || queue_.front().key_m >= best_cost_m_) {
-      const std::int64_t before = counts_.work_units;
-      begin_batch();
-      until_asked = 0;
-      // Batches cost time but no work units when no edge can be tried (all ground unknown, say).
-      idle_batches =
-          queue_.empty() && !is_labelling_ && before == counts_.work_units ? idle_batches + 1 : 0;
-      if (idle_batches > 20) {
+      if (idle_batches_ > kIdleBatchesMax) {
         return;
       }
+      batch_step_ = BatchStep::kDraw;
+      work_before_batch_ = counts_.work_units;
+      until_asked = 0;
       continue;
     }
     std::pop_heap(queue_.begin(), queue_.end(), is_later);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "flight/route.hpp"
+#include "global_planning/edge_table.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/global_planner.hpp"
 #include "global_planning/random_source.hpp"
@@ -47,7 +48,8 @@ class BitStarSearch {
  public:
   /// Called when a batch begins and when the route improves.
   using OnEvent = std::function<void()>;
-  /// Asked every few queue entries; true ends run().
+  /// Asked every few queue entries and several times while a batch is drawn and joined to the
+  /// graph, about each millisecond; true ends run().
   using ShouldStop = std::function<bool()>;
 
   /// The envelope must outlive the search and contain start and goal.
@@ -81,11 +83,7 @@ class BitStarSearch {
     std::int32_t from;
     std::int32_t to;  // -1: expand `from`
   };
-  struct Evaluated {
-    std::uint64_t edge;
-    double cost_m;
-    bool is_fine_checked;
-  };
+  using Evaluated = EdgeTable::Entry;
   struct Label {
     std::int32_t state;
     std::int32_t before;  // label of the edge before, -1: none
@@ -111,7 +109,10 @@ class BitStarSearch {
   static std::uint64_t edge_id(int a, int b);
 
   int append_state(const flight::Waypoint& state);
-  void begin_batch();
+  void step_batch();
+  void begin_graph();
+  void gather_refused();
+  void retry_refused();
   static bool is_inside(const Ellipse& ellipse, const geo::MapPoint& point);
   bool draw_samples();
   void build_bins();
@@ -135,11 +136,6 @@ class BitStarSearch {
   template <typename Visit>
   void for_each_neighbour(int of, const Visit& visit) const;
 
-  [[nodiscard]] Evaluated* find_evaluated(std::uint64_t edge);
-  [[nodiscard]] const Evaluated* find_evaluated(std::uint64_t edge) const;
-  void store_evaluated(std::uint64_t edge, double cost_m);
-  void grow_table();
-
   const FlightEnvelope* envelope_;
   GlobalOptions options_;
   RandomSource random_;
@@ -156,9 +152,8 @@ class BitStarSearch {
   std::vector<std::uint8_t> is_pruned_;
 
   std::vector<Entry> queue_;
-  std::vector<Entry> refused_;  // by the turn condition; key unused
-  std::vector<Evaluated> table_;
-  std::size_t table_used_ = 0;
+  std::vector<Entry> refused_;  // by the turn condition; key unused, may hold an edge twice
+  EdgeTable table_;
 
   // Bins of the uniform plan-view grid, by counting sort.
   double bin_m_ = 1.0, bins_west_m_ = 0.0, bins_south_m_ = 0.0, radius_m_ = 0.0;
@@ -169,6 +164,15 @@ class BitStarSearch {
   bool is_labelling_ = false;
   std::size_t label_turn_ = 0;
 
+  /// What is left to do before a batch can be searched; in small steps, so that run() may stop.
+  enum class BatchStep : std::uint8_t { kNone, kDraw, kConnect, kRetry };
+  BatchStep batch_step_ = BatchStep::kNone;
+  std::size_t connect_next_ = 0, connect_end_ = 0;  // new states
+  // Edges refused before, to be tried again: where they lead, by the state that they leave.
+  std::vector<std::int32_t> again_begin_, again_to_;
+  std::size_t retry_next_ = 0;  // state
+  std::int64_t work_before_batch_ = 0;
+  std::int64_t idle_batches_ = 0;
   std::int64_t drawn_ = 0;  // of the batch being drawn
   std::int64_t attempts_ = 0;
   std::size_t first_new_state_ = 0;

@@ -127,6 +127,60 @@ TEST_P(BitStarSearchTest, AStopRequestEndsItWithinAFewHundredUnits) {
   EXPECT_EQ(search.counts().work_units, asked_at);
 }
 
+TEST_P(BitStarSearchTest, StoppingAnywhereAndGoingOnGivesTheSameRoute) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 200, 30.0, 3000.0, 400.0), kWeights);
+  const FlightEnvelope envelope(in.costs, options(), in.above(800, 800), in.above(5000, 5200));
+  BitStarSearch whole(envelope, options(), seed);
+  whole.run(20000, kNeverStop, kSilent);
+  BitStarSearch stopped(envelope, options(), seed);
+  RandomSource random(seed);
+  int runs = 0;
+  for (; stopped.counts().work_units < whole.counts().work_units; ++runs) {
+    // Most often soon, so that it stops in every part of the preparation of a batch.
+    std::uint64_t asks = 1 + random.next() % 8;
+    stopped.run(
+        20000, [&] { return asks-- == 0; }, kSilent);
+  }
+  EXPECT_GT(runs, 20);
+  EXPECT_EQ(whole.best_route(), stopped.best_route());
+  EXPECT_EQ(whole.best_cost_m(), stopped.best_cost_m());
+  EXPECT_EQ(whole.counts().samples, stopped.counts().samples);
+  EXPECT_EQ(whole.counts().batches, stopped.counts().batches);
+}
+
+TEST(BitStarSearchStop, IsAskedManyTimesWhileABatchIsJoinedToTheGraph) {
+  const PlanningCase in(test::make_fractal_map(3, 200, 30.0, 3000.0, 100.0), kWeights);
+  GlobalOptions options = shipped_global_options();
+  options.heading_labels = false;
+  options.batch_size = 4000;
+  const FlightEnvelope envelope(in.costs, options, in.above(800, 800), in.above(5000, 5200));
+  BitStarSearch search(envelope, options, 1);
+  std::int64_t asked = 0;  // of a batch that was begun, before it is searched
+  std::int64_t begun = 0;
+  std::int64_t searched = 0;
+  search.run(
+      100000,
+      [&] {
+        if (search.counts().batches > begun) {
+          begun = search.counts().batches;
+          asked = 0;
+        }
+        ++asked;
+        return false;
+      },
+      [&] {
+        if (search.counts().batches > searched) {
+          searched = search.counts().batches;
+          if (searched > 1) {
+            // Joining 4000 states takes some ten milliseconds; one question for 64 of them.
+            EXPECT_GE(asked, 50);
+          }
+        }
+      });
+  EXPECT_GE(searched, 3);
+}
+
 TEST(BitStarSearchLabels, TheyFindAWayThatOneParentForEachStateWouldBlock) {
   // A level plain with three states. The cheap way to C comes from the south and cannot turn east
   // to the goal; the dearer way, through D in the west, can.
