@@ -121,7 +121,29 @@ double cos(double x_rad) {
   }
 }
 
-double tan(double x_rad) { return sin(x_rad) / cos(x_rad); }
+SineCosine sine_cosine(double x_rad) {
+  if (!is_in_trigonometric_range(x_rad)) {
+    return {kNaN, kNaN};
+  }
+  const auto [r, quadrant] = reduce_by_half_pi(x_rad);
+  const double s = sin_series(r);
+  const double c = cos_series(r);
+  switch (quadrant & 3) {
+    case 0:
+      return {s, c};
+    case 1:
+      return {c, -s};
+    case 2:
+      return {-s, -c};
+    default:
+      return {-c, s};
+  }
+}
+
+double tan(double x_rad) {
+  const SineCosine both = sine_cosine(x_rad);
+  return both.sine / both.cosine;
+}
 
 double atan(double x) {
   if (std::isnan(x)) {

@@ -12,6 +12,12 @@ namespace hedgehop::elementary {
 /// Sine and cosine of x [rad]. |x| <= 1e6; NaN outside and for NaN.
 double sin(double x_rad);
 double cos(double x_rad);
+/// Both at once: the bits of sin() and cos().
+struct SineCosine {
+  double sine;
+  double cosine;
+};
+SineCosine sine_cosine(double x_rad);
 /// tan(x) = sin(x) / cos(x), |x| <= 1e6.
 double tan(double x_rad);
 /// Result in [-pi/2, pi/2].

@@ -90,20 +90,41 @@ CommandModel::CommandModel(const Vehicle& vehicle)
       pitch_command_max_rad_(vehicle.limits.pitch_max_rad /
                              worst_overshoot(vehicle.model.attitude_damping)) {}
 
+StateTrigonometry trigonometry_of(const ModelState& state) {
+  const elementary::SineCosine heading = elementary::sine_cosine(state.heading_math_rad);
+  return {elementary::tan(state.bank_left_rad), elementary::tan(state.pitch_rad), heading.cosine,
+          heading.sine};
+}
+
 ModelState CommandModel::step(const ModelState& state, const Command& command,
                               double step_s) const {
+  StateTrigonometry trigonometry = trigonometry_of(state);
+  return step(state, command, step_constants(step_s), trigonometry);
+}
+
+CommandModel::StepConstants CommandModel::step_constants(double step_s) const {
   if (!(step_s > 0.0 && step_s <= kStepMax_s)) {
     throw std::invalid_argument("the command model is stepped by 0 to 0.2 s, not by " +
                                 std::to_string(step_s));
   }
-  const flight::Limits& limits = vehicle_.limits;
   const ModelParameters& model = vehicle_.model;
   const Transition over =
       transition(model.attitude_frequency_radps, model.attitude_damping, step_s);
+  return {step_s, over.cosine, over.sine_s,
+          1.0 - elementary::exp(-step_s / model.heave_time_constant_s)};
+}
+
+ModelState CommandModel::step(const ModelState& state, const Command& command,
+                              const StepConstants& constants,
+                              StateTrigonometry& trigonometry) const {
+  const flight::Limits& limits = vehicle_.limits;
+  const ModelParameters& model = vehicle_.model;
+  const double step_s = constants.step_s;
+  const Transition over{constants.cosine, constants.sine_s};
+  const StateTrigonometry from = trigonometry;
   ModelState next;
 
-  const double turn_rate_radps =
-      kGravity_mps2 * elementary::tan(state.bank_left_rad) / state.speed_mps;
+  const double turn_rate_radps = kGravity_mps2 * from.tan_bank / state.speed_mps;
   const double wanted_turn_radps =
       model.heading_gain_1ps * wrap_to_pi(command.heading_math_rad - state.heading_math_rad) -
       model.heading_rate_damping * turn_rate_radps;
@@ -127,22 +148,23 @@ ModelState CommandModel::step(const ModelState& state, const Command& command,
   next.pitch_rad = pitch.angle_rad;
   next.pitch_rate_radps = pitch.rate_radps;
 
+  trigonometry.tan_bank = elementary::tan(next.bank_left_rad);
+  trigonometry.tan_pitch = elementary::tan(next.pitch_rad);
   next.speed_mps = std::clamp(
-      state.speed_mps - 0.5 * step_s * kGravity_mps2 *
-                            (elementary::tan(state.pitch_rad) + elementary::tan(next.pitch_rad)),
+      state.speed_mps - 0.5 * step_s * kGravity_mps2 * (from.tan_pitch + trigonometry.tan_pitch),
       limits.speed_min_mps, limits.speed_max_mps);
 
-  const double next_turn_rate_radps =
-      kGravity_mps2 * elementary::tan(next.bank_left_rad) / next.speed_mps;
+  const double next_turn_rate_radps = kGravity_mps2 * trigonometry.tan_bank / next.speed_mps;
   next.heading_math_rad =
       wrap_to_pi(state.heading_math_rad + 0.5 * step_s * (turn_rate_radps + next_turn_rate_radps));
 
-  next.x_m = state.x_m + 0.5 * step_s *
-                             (state.speed_mps * elementary::cos(state.heading_math_rad) +
-                              next.speed_mps * elementary::cos(next.heading_math_rad));
-  next.y_m = state.y_m + 0.5 * step_s *
-                             (state.speed_mps * elementary::sin(state.heading_math_rad) +
-                              next.speed_mps * elementary::sin(next.heading_math_rad));
+  const elementary::SineCosine heading = elementary::sine_cosine(next.heading_math_rad);
+  trigonometry.cos_heading = heading.cosine;
+  trigonometry.sin_heading = heading.sine;
+  next.x_m = state.x_m +
+             0.5 * step_s * (state.speed_mps * from.cos_heading + next.speed_mps * heading.cosine);
+  next.y_m = state.y_m +
+             0.5 * step_s * (state.speed_mps * from.sin_heading + next.speed_mps * heading.sine);
 
   const double error_mps =
       std::clamp(command.climb_rate_mps, -limits.descent_rate_max_mps, limits.climb_rate_max_mps) -
@@ -152,8 +174,7 @@ ModelState CommandModel::step(const ModelState& state, const Command& command,
   const double collective_mps =
       std::clamp(wanted_mps, -kClimbAuthority * limits.descent_rate_max_mps,
                  kClimbAuthority * limits.climb_rate_max_mps);
-  const double free_change_mps = (collective_mps - state.climb_rate_mps) *
-                                 (1.0 - elementary::exp(-step_s / model.heave_time_constant_s));
+  const double free_change_mps = (collective_mps - state.climb_rate_mps) * constants.heave_share;
   const double change_max_mps = limits.vertical_acceleration_max_mps2 * step_s;
   const double change_mps = std::clamp(free_change_mps, -change_max_mps, change_max_mps);
   next.climb_rate_mps = std::clamp(state.climb_rate_mps + change_mps, -limits.descent_rate_max_mps,

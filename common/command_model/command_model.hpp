@@ -56,6 +56,15 @@ struct Command {
   double climb_rate_mps = 0.0;
 };
 
+/// Functions of a state's angles that a step needs and leaves behind for the next one.
+struct StateTrigonometry {
+  double tan_bank = 0.0;
+  double tan_pitch = 0.0;
+  double cos_heading = 1.0;
+  double sin_heading = 0.0;
+};
+StateTrigonometry trigonometry_of(const ModelState& state);
+
 /// Trimmed flight on a straight line: wings level, climbing steadily with the integrator settled.
 ModelState trimmed_state(double x_m, double y_m, double altitude_m, double speed_mps,
                          double heading_math_rad, double climb_rate_mps);
@@ -102,6 +111,22 @@ class CommandModel {
   /// @throws std::invalid_argument  if the step is out of range.
   [[nodiscard]] ModelState step(const ModelState& state, const Command& command,
                                 double step_s) const;
+
+  /// What depends on the step alone.
+  struct StepConstants {
+    double step_s = 0.0;
+    double cosine = 0.0;  // of the attitude response, see command_model.cpp
+    double sine_s = 0.0;
+    double heave_share = 0.0;
+  };
+  /// @throws std::invalid_argument  if the step is out of range.
+  [[nodiscard]] StepConstants step_constants(double step_s) const;
+  /// The same bits as above for many steps of one length.
+  ///
+  /// @param trigonometry  of `state`; becomes that of the state returned
+  [[nodiscard]] ModelState step(const ModelState& state, const Command& command,
+                                const StepConstants& constants,
+                                StateTrigonometry& trigonometry) const;
 
   [[nodiscard]] const Vehicle& vehicle() const { return vehicle_; }
 

@@ -9,87 +9,101 @@
 namespace hedgehop::local_planning {
 namespace {
 
-constexpr double kBrakingHelpsAfter_s = 2.0;
 constexpr double kNearTarget_m = 50.0;  // nearer, the direction to the target says nothing
-
-double rate_for(double rise_m, double time_s, double climb_rate_mps, double acceleration_mps2,
-                double response_s, double rate_max_mps) {
-  const double missing_m = rise_m - climb_rate_mps * time_s;
-  if (missing_m <= 0.0) {
-    return rise_m / time_s;
-  }
-  const double free_s = time_s - response_s;
-  if (free_s <= 0.0) {
-    return rate_max_mps;
-  }
-  const double root_s2 = free_s * free_s - 2.0 * missing_m / acceleration_mps2;
-  return root_s2 < 0.0 ? rate_max_mps
-                       : climb_rate_mps + acceleration_mps2 * (free_s - std::sqrt(root_s2));
-}
+constexpr double kSpacing_m = 10.0;
 
 }  // namespace
 
-ClimbAhead climb_ahead(const Surroundings& surroundings, const Guide& guide, double along_m,
-                       const command_model::ModelState& state, double commanded_heading_math_rad,
-                       double look_ahead_m, double safety_height_m,
-                       const command_model::CommandModel& model, const ProfileOptions& options) {
-  const flight::Limits& limits = model.vehicle().limits;
-  const command_model::ModelParameters& constants = model.vehicle().model;
-  const double acceleration_mps2 =
-      options.acceleration_share * limits.vertical_acceleration_max_mps2;
-  const double unlimited_mps = 10.0 * limits.climb_rate_max_mps;
-  const double speed_mps = state.speed_mps;
-  const double turn_max_radps =
-      kGravity_mps2 * elementary::tan(model.bank_command_max_rad()) / speed_mps;
-  const double heading_gain_1ps =
-      constants.heading_gain_1ps / (1.0 + constants.heading_rate_damping);
-  // Share of the turn rate that the bank makes good in one sample.
-  const double roll_share = std::min(1.0, options.sample_s * constants.attitude_frequency_radps /
-                                              (2.0 * constants.attitude_damping));
-
-  geo::MapPoint place{state.x_m, state.y_m};
-  double heading_rad = state.heading_math_rad;
-  double turn_rate_radps = kGravity_mps2 * elementary::tan(state.bank_left_rad) / speed_mps;
-  double wanted_rad = commanded_heading_math_rad;
-  ClimbAhead ahead{-limits.descent_rate_max_mps, -limits.descent_rate_max_mps};
-  const int samples = static_cast<int>(options.horizon_s / options.sample_s + 0.5);
-  flight::Waypoint target = guide.at(along_m + look_ahead_m);
-  double goal_rad = elementary::atan2(target.y_m - place.y_m, target.x_m - place.x_m);
-  for (int i = 1; i <= samples; ++i) {
-    const double time_s = i * options.sample_s;
-    const double wanted_turn_radps = std::clamp(
-        heading_gain_1ps * wrap_to_pi(wanted_rad - heading_rad), -turn_max_radps, turn_max_radps);
-    const double middle_rad = heading_rad + 0.5 * options.sample_s * turn_rate_radps;
-    place.x_m += speed_mps * options.sample_s * elementary::cos(middle_rad);
-    place.y_m += speed_mps * options.sample_s * elementary::sin(middle_rad);
-    heading_rad += options.sample_s * turn_rate_radps;
-    turn_rate_radps += roll_share * (wanted_turn_radps - turn_rate_radps);
-
-    along_m += speed_mps * options.sample_s *
-               std::max(0.0, elementary::cos(wrap_to_pi(middle_rad - goal_rad)));
-    if (along_m > guide.length_m()) {
-      break;
-    }
-    target = guide.at(along_m + look_ahead_m);
-    const double dx_m = target.x_m - place.x_m;
-    const double dy_m = target.y_m - place.y_m;
+ClimbForecast::ClimbForecast(const Surroundings& surroundings, const Guide& guide,
+                             const command_model::CommandModel& model, double look_ahead_m,
+                             double safety_height_m, const ProfileOptions& options,
+                             const StepKernels& kernels)
+    : surroundings_(&surroundings),
+      guide_(&guide),
+      model_(&model),
+      look_ahead_m_(look_ahead_m),
+      safety_height_m_(safety_height_m),
+      options_(options),
+      kernels_(kernels),
+      turn_max_(elementary::tan(model.bank_command_max_rad())) {
+  double bearing_rad = guide.heading_math_rad(0.0);
+  const int count = static_cast<int>(guide.length_m() / kSpacing_m) + 2;
+  for (int i = 0; i < count; ++i) {
+    const double along_m = i * kSpacing_m;
+    const flight::Waypoint here = guide.at(along_m);
+    const flight::Waypoint target = guide.at(along_m + look_ahead_m);
+    const double dx_m = target.x_m - here.x_m;
+    const double dy_m = target.y_m - here.y_m;
     if (dx_m * dx_m + dy_m * dy_m > kNearTarget_m * kNearTarget_m) {
-      const double next_goal_rad = elementary::atan2(dy_m, dx_m);
-      wanted_rad += wrap_to_pi(next_goal_rad - goal_rad);
-      goal_rad = next_goal_rad;
+      bearing_rad += wrap_to_pi(elementary::atan2(dy_m, dx_m) - bearing_rad);
     }
-
-    const double needed_m = std::max(surroundings.dilated_m(place) + safety_height_m,
-                                     guide.at(along_m).altitude_m - options.guide_allowance_m);
-    const double rate_mps = rate_for(needed_m - state.altitude_m, time_s, state.climb_rate_mps,
-                                     acceleration_mps2, options.response_s, unlimited_mps);
-    ahead.climb_rate_mps = std::max(ahead.climb_rate_mps, rate_mps);
-    if (time_s >= kBrakingHelpsAfter_s) {
-      ahead.shortfall_rate_mps = std::max(ahead.shortfall_rate_mps, rate_mps);
-    }
+    bearing_rad_.push_back(static_cast<float>(bearing_rad));
+    altitude_m_.push_back(static_cast<float>(here.altitude_m));
   }
-  ahead.climb_rate_mps = std::min(ahead.climb_rate_mps, limits.climb_rate_max_mps);
-  return ahead;
+}
+
+ClimbAhead ClimbForecast::ahead(const command_model::ModelState& state,
+                                const command_model::StateTrigonometry& trigonometry,
+                                double along_m, double commanded_heading_math_rad,
+                                double goal_math_rad) {
+  const flight::Limits& limits = model_->vehicle().limits;
+  const command_model::ModelParameters& constants = model_->vehicle().model;
+  const double speed_mps = state.speed_mps;
+  const double step_m = speed_mps * options_.sample_s;
+  const raster::GridGeometry& geometry = surroundings_->geometry();
+  const auto single = [](double value) { return static_cast<float>(value); };
+
+  const double in_table = along_m / kSpacing_m;
+  const auto at = std::min(static_cast<std::size_t>(in_table), bearing_rad_.size() - 2);
+  const double share = in_table - static_cast<double>(at);
+  const double bearing_rad = static_cast<double>(bearing_rad_[at]) +
+                             share * static_cast<double>(bearing_rad_[at + 1] - bearing_rad_[at]);
+  const flight::Waypoint target = guide_->at(along_m + look_ahead_m_);
+  const double dx_m = target.x_m - state.x_m;
+  const double dy_m = target.y_m - state.y_m;
+  const bool is_far = dx_m * dx_m + dy_m * dy_m > kNearTarget_m * kNearTarget_m;
+
+  ForecastTask task;
+  task.samples = static_cast<int>(options_.horizon_s / options_.sample_s + 0.5);
+  task.bearing_rad = bearing_rad_.data();
+  task.altitude_m = altitude_m_.data();
+  task.table_count = static_cast<int>(bearing_rad_.size());
+  task.from_in_table = single(in_table);
+  task.step_in_table = single(step_m / kSpacing_m);
+  task.end_in_table = single(guide_->length_m() / kSpacing_m);
+  task.wanted_rad = single(wrap_to_pi(commanded_heading_math_rad - state.heading_math_rad));
+  task.bearing_now_rad = single(bearing_rad);
+  task.beside_rad = is_far ? single(wrap_to_pi(goal_math_rad - bearing_rad)) : 0.0F;
+  task.fading = single(look_ahead_m_ / (look_ahead_m_ + step_m));
+  task.sample_s = single(options_.sample_s);
+  task.gain = single(constants.heading_gain_1ps / (1.0 + constants.heading_rate_damping));
+  task.turn_max_radps = single(kGravity_mps2 * turn_max_ / speed_mps);
+  task.turn_radps = single(kGravity_mps2 * trigonometry.tan_bank / speed_mps);
+  // Share of the turn rate that the bank makes good in one sample.
+  task.roll_share = single(std::min(1.0, options_.sample_s * constants.attitude_frequency_radps /
+                                             (2.0 * constants.attitude_damping)));
+  const double column = (state.x_m - geometry.west_m) / geometry.cell_m;
+  const double row = (state.y_m - geometry.south_m) / geometry.cell_m;
+  task.column = static_cast<int>(std::floor(column));
+  task.row = static_cast<int>(std::floor(row));
+  task.part_of_column = single(column - task.column);
+  task.part_of_row = single(row - task.row);
+  task.east_cells = single(step_m * trigonometry.cos_heading / geometry.cell_m);
+  task.north_cells = single(step_m * trigonometry.sin_heading / geometry.cell_m);
+  task.columns = geometry.columns;
+  task.rows = geometry.rows;
+  task.dilated_m = surroundings_->dilated_layer_m().row(0);
+  task.floor_m = single(state.altitude_m - safety_height_m_);
+  task.guide_floor_m = single(state.altitude_m + options_.guide_allowance_m);
+  task.climb_rate_mps = single(state.climb_rate_mps);
+  task.acceleration_mps2 =
+      single(options_.acceleration_share * limits.vertical_acceleration_max_mps2);
+  task.response_s = single(options_.response_s);
+  task.rate_max_mps = single(10.0 * limits.climb_rate_max_mps);
+  task.rate_min_mps = single(-limits.descent_rate_max_mps);
+  kernels_.forecast(task, scratch_);
+  return {std::min(static_cast<double>(task.greatest_mps), limits.climb_rate_max_mps),
+          static_cast<double>(task.greatest_later_mps)};
 }
 
 }  // namespace hedgehop::local_planning

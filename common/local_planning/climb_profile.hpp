@@ -1,12 +1,15 @@
 #pragma once
 
+#include <vector>
+
 #include "command_model/command_model.hpp"
 #include "local_planning/guide.hpp"
+#include "local_planning/step_kernels.hpp"
 #include "local_planning/surroundings.hpp"
 
 namespace hedgehop::local_planning {
 
-/// Look-ahead of the vertical axis, see climb_ahead().
+/// Look-ahead of the vertical axis, see ClimbForecast.
 struct ProfileOptions {
   bool is_used = false;
   double horizon_s = 0.0;
@@ -28,9 +31,10 @@ struct ClimbAhead {
 ///
 /// The histogram takes a climb to start at once. A real one starts late: to change the climb rate
 /// by D with acceleration a costs D^2 / (2 a) of height plus the dead time. The path of the next
-/// seconds is forecast as a turn towards the commanded heading that goes on along the guide. For a
-/// place reached after time t that asks for the height N above the present altitude, the least rate
-/// is h' + D with
+/// seconds is forecast as a turn towards the commanded heading that goes on along the guide: the
+/// heading wanted turns with the direction from the guide to its own target, and what the place
+/// beside the guide adds to that fades over the look-ahead. For a place reached after time t that
+/// asks for the height N above the present altitude, the least rate is h' + D with
 ///
 ///     h' t + D (t - t_r) - D^2 / (2 a) = N
 ///
@@ -39,10 +43,33 @@ struct ClimbAhead {
 /// h' present climb rate, a = acceleration_share of the limit, t_r = response_s.
 ///
 /// N is the greatest surface within the safety disc plus the safety height, or the guide's altitude
-/// less the allowance, whichever is higher. Unknown terrain asks for nothing.
-ClimbAhead climb_ahead(const Surroundings& surroundings, const Guide& guide, double along_m,
-                       const command_model::ModelState& state, double commanded_heading_math_rad,
-                       double look_ahead_m, double safety_height_m,
-                       const command_model::CommandModel& model, const ProfileOptions& options);
+/// less the allowance, whichever is higher. Unknown terrain asks for nothing. Single precision.
+class ClimbForecast {
+ public:
+  /// Holds references to all but the options. The guide is written down every 10 m.
+  ClimbForecast(const Surroundings& surroundings, const Guide& guide,
+                const command_model::CommandModel& model, double look_ahead_m,
+                double safety_height_m, const ProfileOptions& options, const StepKernels& kernels);
+
+  /// @param trigonometry   of the state
+  /// @param along_m        where the state is along the guide
+  /// @param goal_math_rad  direction from the state to the guide's target
+  ClimbAhead ahead(const command_model::ModelState& state,
+                   const command_model::StateTrigonometry& trigonometry, double along_m,
+                   double commanded_heading_math_rad, double goal_math_rad);
+
+ private:
+  const Surroundings* surroundings_;
+  const Guide* guide_;
+  const command_model::CommandModel* model_;
+  double look_ahead_m_;
+  double safety_height_m_;
+  ProfileOptions options_;
+  StepKernels kernels_;
+  std::vector<float> bearing_rad_;  // from the guide to its target, without jumps
+  std::vector<float> altitude_m_;
+  std::vector<float> scratch_;
+  double turn_max_;  // tangent of the steepest bank
+};
 
 }  // namespace hedgehop::local_planning

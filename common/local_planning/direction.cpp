@@ -8,64 +8,108 @@
 
 namespace hedgehop::local_planning {
 
+namespace {
+
+// The shorter way between two angles in [0, 2 pi).
+float apart(float a_rad, float b_rad) {
+  const float difference_rad = std::fabs(a_rad - b_rad);
+  return std::min(difference_rad, kTwoPi_f - difference_rad);
+}
+
+}  // namespace
+
+int plain_cheapest(const DirectionTask& task) {
+  float partial[kLanes] = {};
+  int known = 0;
+  for (int k = 0; k < task.sectors; ++k) {
+    const float tangent =
+        std::min(std::max(task.tan_masked[k], task.tangent_min), task.tangent_max);
+    task.polar[k] = task.risk[k] + task.climb_weight * tangent +
+                    task.climb_relative_weight * std::max(tangent - task.goal_tangent, 0.0F);
+    if (task.risk_weight[k] > 0.0F) {
+      partial[k % kLanes] += task.polar[k];
+      ++known;
+    }
+  }
+  for (int width = kLanes / 2; width > 0; width /= 2) {
+    for (int i = 0; i < width; ++i) {
+      partial[i] += partial[i + width];
+    }
+  }
+  const float mean = known > 0 ? partial[0] / static_cast<float>(known) : 0.0F;
+
+  const auto extra = [&](int k, float direction_rad) {
+    if (!(task.polar_share > 0.0F) || !(task.risk_weight[k] > 0.0F)) {
+      return 0.0F;
+    }
+    const float off_rad = apart(direction_rad, task.heading_rad);
+    return task.polar_share * (task.polar[k] - mean) /
+           (off_rad * off_rad * off_rad + task.polar_offset);
+  };
+  int chosen = kNoDirection;
+  float best = std::numeric_limits<float>::infinity();
+  if (task.tan_masked[task.goal_sector] <= task.tangent_max) {
+    chosen = kGoalDirection;
+    best = extra(task.goal_sector, task.goal_rad);
+  }
+  for (int k = 0; k < task.sectors; ++k) {
+    if (!(task.tan_masked[k] <= task.tangent_max)) {
+      continue;
+    }
+    const float off_goal_rad = apart(task.centre_rad[k], task.goal_rad);
+    const float cost =
+        task.goal_weight * (task.is_quadratic ? off_goal_rad * off_goal_rad : off_goal_rad) +
+        extra(k, task.centre_rad[k]);
+    if (cost < best) {
+      best = cost;
+      chosen = k;
+    }
+  }
+  return chosen;
+}
+
 std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
                                              const Sectors& sectors,
                                              const DirectionWeights& weights,
                                              const DirectionQuestion& question,
-                                             std::vector<double>& scratch) {
-  const std::vector<double>& needed = histogram.tan_masked;
-  const std::size_t count = needed.size();
-  std::vector<double>& polar = scratch;
-  polar.resize(count);
-  double mean = 0.0;
-  int known = 0;
-  for (std::size_t k = 0; k < count; ++k) {
-    const double tangent = std::clamp(needed[k], question.tangent_min, question.tangent_max);
-    polar[k] = histogram.risk[k] + weights.climb * tangent +
-               weights.climb_relative * std::max(tangent - question.goal_tangent, 0.0);
-    if (histogram.risk_weight[k] > 0.0) {
-      mean += polar[k];
-      ++known;
+                                             DirectionScratch& scratch,
+                                             int (*cheapest)(const DirectionTask&)) {
+  const auto size = static_cast<std::size_t>(padded_to_lanes(sectors.count()));
+  if (scratch.centre_rad.size() != size) {
+    scratch.centre_rad.assign(size, 0.0F);
+    scratch.polar.assign(size, 0.0F);
+    for (int k = 0; k < sectors.count(); ++k) {
+      scratch.centre_rad[static_cast<std::size_t>(k)] = static_cast<float>(sectors.centre_rad(k));
     }
   }
-  mean = known > 0 ? mean / known : 0.0;
-
-  const auto cost = [&](std::size_t k, double direction_rad) {
-    const double off_goal_rad = std::fabs(wrap_to_pi(direction_rad - question.goal_math_rad));
-    const double goal =
-        weights.goal *
-        (weights.goal_cost == GoalCost::kQuadratic ? off_goal_rad * off_goal_rad : off_goal_rad);
-    if (question.polar_share <= 0.0 || histogram.risk_weight[k] <= 0.0) {
-      return goal;
-    }
-    const double off_rad = std::fabs(wrap_to_pi(direction_rad - question.heading_math_rad));
-    return goal + question.polar_share * (polar[k] - mean) /
-                      (off_rad * off_rad * off_rad + weights.polar_offset_rad3);
-  };
-
-  std::optional<double> best_rad;
-  double best = std::numeric_limits<double>::infinity();
-  const auto goal_sector = static_cast<std::size_t>(sectors.of_angle(question.goal_math_rad));
-  if (needed[goal_sector] <= question.tangent_max) {
-    best_rad = question.goal_math_rad;
-    best = cost(goal_sector, question.goal_math_rad);
+  DirectionTask task;
+  task.tan_masked = histogram.tan_masked.data();
+  task.risk = histogram.risk.data();
+  task.risk_weight = histogram.risk_weight.data();
+  task.centre_rad = scratch.centre_rad.data();
+  task.polar = scratch.polar.data();
+  task.sectors = sectors.count();
+  task.goal_sector = sectors.of_angle(question.goal_math_rad);
+  task.is_quadratic = weights.goal_cost == GoalCost::kQuadratic;
+  task.goal_weight = static_cast<float>(weights.goal);
+  task.climb_weight = static_cast<float>(weights.climb);
+  task.climb_relative_weight = static_cast<float>(weights.climb_relative);
+  task.polar_offset = static_cast<float>(weights.polar_offset_rad3);
+  task.heading_rad = static_cast<float>(wrap_to_two_pi(question.heading_math_rad));
+  task.goal_rad = static_cast<float>(wrap_to_two_pi(question.goal_math_rad));
+  task.goal_tangent = static_cast<float>(question.goal_tangent);
+  task.tangent_min = static_cast<float>(question.tangent_min);
+  task.tangent_max = static_cast<float>(question.tangent_max);
+  task.polar_share = static_cast<float>(question.polar_share);
+  const int chosen = cheapest(task);
+  if (chosen == kNoDirection) {
+    return std::nullopt;
   }
-  for (std::size_t k = 0; k < count; ++k) {
-    if (needed[k] > question.tangent_max) {
-      continue;
-    }
-    const double centre_rad = sectors.centre_rad(static_cast<int>(k));
-    const double value = cost(k, centre_rad);
-    if (value < best) {
-      best = value;
-      best_rad = wrap_to_pi(centre_rad);
-    }
-  }
-  return best_rad;
+  return chosen == kGoalDirection ? question.goal_math_rad : wrap_to_pi(sectors.centre_rad(chosen));
 }
 
 std::optional<double> nearest_feasible_rad(const PolarHistogram& histogram, const Sectors& sectors,
-                                           double direction_rad, double tangent_max) {
+                                           double direction_rad, float tangent_max) {
   std::optional<double> best_rad;
   double best = std::numeric_limits<double>::infinity();
   for (int k = 0; k < sectors.count(); ++k) {
@@ -85,14 +129,14 @@ std::optional<double> nearest_feasible_rad(const PolarHistogram& histogram, cons
 double least_climb_direction_rad(const PolarHistogram& histogram, const Sectors& sectors,
                                  double heading_math_rad, double preferred_rad, double reach_rad) {
   double best_rad = heading_math_rad;
-  double best = std::numeric_limits<double>::infinity();
-  double best_off_rad = best;
+  float best = std::numeric_limits<float>::infinity();
+  double best_off_rad = std::numeric_limits<double>::infinity();
   for (int k = 0; k < sectors.count(); ++k) {
     const double centre_rad = sectors.centre_rad(k);
     if (std::fabs(wrap_to_pi(centre_rad - heading_math_rad)) > reach_rad) {
       continue;
     }
-    const double tangent = histogram.tan_masked[static_cast<std::size_t>(k)];
+    const float tangent = histogram.tan_masked[static_cast<std::size_t>(k)];
     const double off_rad = std::fabs(wrap_to_pi(centre_rad - preferred_rad));
     if (tangent < best || (tangent == best && off_rad < best_off_rad)) {
       best = tangent;

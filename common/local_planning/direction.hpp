@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "local_planning/polar_histogram.hpp"
+#include "local_planning/step_kernels.hpp"
 
 namespace hedgehop::local_planning {
 
@@ -29,6 +30,12 @@ struct DirectionQuestion {
   double polar_share = 1.0;       // of risk and climb costs that counts; 0: only the goal direction
 };
 
+/// Memory of a choice.
+struct DirectionScratch {
+  std::vector<float> centre_rad;
+  std::vector<float> polar;
+};
+
 /// Cheapest feasible direction, or nothing.
 ///
 ///     cost_k = c_goal g(wrap(k alpha - chi_goal)) + polar_share c_p,k (R_k - mean R)
@@ -40,17 +47,23 @@ struct DirectionQuestion {
 /// goal direction itself is a candidate too, with the risk and feasibility of its sector. Ties go
 /// to the goal direction, then to the lowest sector.
 ///
-/// The weights for risk are inside the histogram's risk. Both scratch and result need no
-/// allocation.
+/// Costs are single precision; the mean is summed in kLanes parts, so that SIMD gives the same
+/// bits. The weights for risk are inside the histogram's risk.
+///
+/// @param cheapest  what compares the costs: plain_cheapest or that of step_kernels()
 std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
                                              const Sectors& sectors,
                                              const DirectionWeights& weights,
                                              const DirectionQuestion& question,
-                                             std::vector<double>& scratch);
+                                             DirectionScratch& scratch,
+                                             int (*cheapest)(const DirectionTask&));
+
+/// The choice in plain form: a sector, kGoalDirection or kNoDirection.
+int plain_cheapest(const DirectionTask& task);
 
 /// Centre of the feasible sector nearest to a direction, or nothing. A tie goes to the left.
 std::optional<double> nearest_feasible_rad(const PolarHistogram& histogram, const Sectors& sectors,
-                                           double direction_rad, double tangent_max);
+                                           double direction_rad, float tangent_max);
 
 /// Centre of the sector with the least masked climb within `reach_rad` of the heading; a tie goes
 /// to the one nearer to `preferred_rad`.

@@ -33,11 +33,33 @@ Guide::Guide(const std::vector<flight::Waypoint>& waypoints) {
   if (points_.size() < 2) {
     throw std::invalid_argument("a guide needs two different places");
   }
+  for (std::size_t leg = 0; leg + 1 < points_.size(); ++leg) {
+    const flight::Waypoint& a = points_[leg];
+    const flight::Waypoint& b = points_[leg + 1];
+    const double leg_m = along_m_[leg + 1] - along_m_[leg];
+    legs_.push_back(
+        {(b.x_m - a.x_m) / leg_m, (b.y_m - a.y_m) / leg_m, (b.altitude_m - a.altitude_m) / leg_m});
+  }
+  const std::size_t parts = 2 * legs_.size();
+  parts_per_m_ = static_cast<double>(parts) / length_m();
+  std::size_t leg = 0;
+  for (std::size_t part = 0; part < parts; ++part) {
+    while (leg + 1 < legs_.size() &&
+           along_m_[leg + 1] * parts_per_m_ <= static_cast<double>(part)) {
+      ++leg;
+    }
+    // One earlier: leg_at() rounds differently.
+    first_leg_.push_back(static_cast<std::uint32_t>(leg > 0 ? leg - 1 : 0));
+  }
 }
 
 std::size_t Guide::leg_at(double along_m) const {
-  const auto above = std::upper_bound(along_m_.begin() + 1, along_m_.end() - 1, along_m);
-  return static_cast<std::size_t>(above - along_m_.begin()) - 1;
+  const double part = std::max(0.0, along_m * parts_per_m_);
+  std::size_t leg = first_leg_[std::min(static_cast<std::size_t>(part), first_leg_.size() - 1)];
+  while (leg + 1 < legs_.size() && along_m_[leg + 1] <= along_m) {
+    ++leg;
+  }
+  return leg;
 }
 
 double Guide::heading_math_rad(double along_m) const {
@@ -46,20 +68,20 @@ double Guide::heading_math_rad(double along_m) const {
                            points_[leg + 1].x_m - points_[leg].x_m);
 }
 
-double Guide::slope(double along_m) const {
-  const std::size_t leg = leg_at(along_m);
-  return (points_[leg + 1].altitude_m - points_[leg].altitude_m) /
-         (along_m_[leg + 1] - along_m_[leg]);
-}
+double Guide::slope(double along_m) const { return legs_[leg_at(along_m)].slope; }
 
 flight::Waypoint Guide::at(double along_m) const {
   const std::size_t leg = leg_at(along_m);
-  const double share =
-      std::clamp((along_m - along_m_[leg]) / (along_m_[leg + 1] - along_m_[leg]), 0.0, 1.0);
   const flight::Waypoint& a = points_[leg];
-  const flight::Waypoint& b = points_[leg + 1];
-  return {a.x_m + share * (b.x_m - a.x_m), a.y_m + share * (b.y_m - a.y_m),
-          a.altitude_m + share * (b.altitude_m - a.altitude_m)};
+  const double on_leg_m = along_m - along_m_[leg];
+  if (!(on_leg_m > 0.0)) {
+    return a;
+  }
+  if (!(along_m < along_m_[leg + 1])) {
+    return points_[leg + 1];
+  }
+  return {a.x_m + on_leg_m * legs_[leg].east, a.y_m + on_leg_m * legs_[leg].north,
+          a.altitude_m + on_leg_m * legs_[leg].slope};
 }
 
 double Guide::project(const geo::MapPoint& point, double from_m, double to_m) const {
@@ -67,12 +89,11 @@ double Guide::project(const geo::MapPoint& point, double from_m, double to_m) co
   to_m = std::clamp(to_m, from_m, length_m());
   double best_m2 = std::numeric_limits<double>::infinity();
   double best_along_m = from_m;
-  for (std::size_t leg = leg_at(from_m); leg + 1 < points_.size() && along_m_[leg] <= to_m; ++leg) {
+  for (std::size_t leg = leg_at(from_m); leg < legs_.size() && along_m_[leg] <= to_m; ++leg) {
     const flight::Waypoint& a = points_[leg];
-    const flight::Waypoint& b = points_[leg + 1];
     const double leg_m = along_m_[leg + 1] - along_m_[leg];
-    const double ux = (b.x_m - a.x_m) / leg_m;
-    const double uy = (b.y_m - a.y_m) / leg_m;
+    const double ux = legs_[leg].east;
+    const double uy = legs_[leg].north;
     const double low_m = std::max(0.0, from_m - along_m_[leg]);
     const double high_m = std::min(leg_m, to_m - along_m_[leg]);
     const double on_leg_m =

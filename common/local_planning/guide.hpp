@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "flight/route.hpp"
@@ -29,10 +30,19 @@ class Guide {
   [[nodiscard]] double project(const geo::MapPoint& point, double from_m, double to_m) const;
 
  private:
+  struct Leg {
+    double east;  // unit vector
+    double north;
+    double slope;
+  };
+
   [[nodiscard]] std::size_t leg_at(double along_m) const;
 
   std::vector<flight::Waypoint> points_;
   std::vector<double> along_m_;
+  std::vector<Leg> legs_;
+  std::vector<std::uint32_t> first_leg_;  // at the start of each of many equal parts
+  double parts_per_m_ = 0.0;
 };
 
 }  // namespace hedgehop::local_planning

@@ -9,8 +9,8 @@
 
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
+#include "local_planning/decider.hpp"
 #include "local_planning/guide.hpp"
-#include "local_planning/polar_histogram.hpp"
 #include "local_planning/surroundings.hpp"
 
 namespace hedgehop::local_planning {
@@ -19,13 +19,8 @@ namespace {
 using command_model::Command;
 using command_model::CommandModel;
 using command_model::ModelState;
+using command_model::StateTrigonometry;
 
-constexpr double kGoalDistanceMin_m = 50.0;  // in the climb towards the target
-constexpr double kReachMin_m =
-    100.0;  // the histogram looks at least this far when the goal is near
-constexpr double kGoAroundRadii =
-    3.5;  // of the turning circle, before the flight turns back to a goal
-constexpr double kFallbackReach_rad = 108.0 * kDegree_rad;
 constexpr double kExtraTime_s = 60.0;
 constexpr double kPassSpacing_m = 50.0;  // of the guide that a pass leaves to the next one
 constexpr int kStepsBetweenReports = 64;
@@ -51,181 +46,16 @@ flight::NoPlan stuck(const ModelState& state, const std::string& what) {
               ". Try another seed, a lower speed or a wider look-ahead."};
 }
 
-// Decides the command of each step of one pass.
-class Decider {
- public:
-  Decider(const Surroundings& surroundings, const Guide& guide, const CommandModel& model,
-          const LocalOptions& options, const HistogramOptions& histogram_options, double speed_mps,
-          const ModelState& initial)
-      : surroundings_(surroundings),
-        guide_(guide),
-        model_(model),
-        options_(options),
-        kernel_(surroundings, histogram_options),
-        speed_mps_(speed_mps),
-        disc_radius_m_(histogram_options.disc_radius_m),
-        tangent_min_(elementary::tan(options.climb_angle_min_rad)) {
-    heading_.reset(initial.heading_math_rad);
-    climb_.reset(elementary::atan(initial.climb_rate_mps / initial.speed_mps));
-  }
-
-  [[nodiscard]] double along_m() const { return along_m_; }
-  [[nodiscard]] std::int64_t infeasible_decisions() const { return infeasible_decisions_; }
-
-  FlownStep decide(const ModelState& state) {
-    const flight::Limits& limits = model_.vehicle().limits;
-    const geo::MapPoint place{state.x_m, state.y_m};
-    const double speed_mps = state.speed_mps;
-    along_m_ = guide_.project(place, along_m_ - options_.projection_back_m,
-                              along_m_ + options_.projection_ahead_m);
-    const flight::Waypoint target = guide_.at(along_m_ + options_.look_ahead_m);
-    const double target_dx_m = target.x_m - state.x_m;
-    const double target_dy_m = target.y_m - state.y_m;
-    const double target_m = distance_m(target_dx_m, target_dy_m);
-    const double limit_tangent = limits.climb_rate_max_mps / speed_mps;
-    const double tangent_max = options_.climb_share * limit_tangent;
-
-    DirectionQuestion question;
-    question.heading_math_rad = state.heading_math_rad;
-    const double turn_radius_m =
-        flight::turn_radius_min_m(speed_mps, model_.bank_command_max_rad());
-    question.goal_math_rad =
-        target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : state.heading_math_rad;
-    if (is_going_around(state, turn_radius_m)) {
-      question.goal_math_rad = outbound_rad_;
-    }
-    question.goal_tangent =
-        std::clamp((target.altitude_m - state.altitude_m) / std::max(target_m, kGoalDistanceMin_m),
-                   tangent_min_, tangent_max);
-    question.tangent_min = tangent_min_;
-    question.tangent_max = tangent_max;
-    const flight::Waypoint nearest = guide_.at(along_m_);
-    const double offset =
-        distance_m(nearest.x_m - state.x_m, nearest.y_m - state.y_m) / options_.corridor_m;
-    const double to_goal_m =
-        distance_m(guide_.goal().x_m - state.x_m, guide_.goal().y_m - state.y_m);
-    question.polar_share =
-        to_goal_m < options_.goal_only_distance_m ? 0.0 : std::max(0.0, 1.0 - offset * offset);
-
-    // Ground beyond the goal is never flown over.
-    const double reach_m = is_outbound_ ? std::numeric_limits<double>::infinity()
-                                        : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
-    kernel_.compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
-                    reach_m);
-    const std::optional<double> chosen_rad =
-        cheapest_direction_rad(histogram_, kernel_.sectors(), options_.weights, question, scratch_);
-
-    FlownStep step;
-    step.state = state;
-    double needed = std::max({tangent_min_, histogram_.tan_climb_near,
-                              std::min(needed_towards(state.heading_math_rad), tangent_max)});
-    step.command.speed_mps = speed_mps_;
-    if (chosen_rad) {
-      step.target_heading_math_rad = *chosen_rad;
-      step.command.heading_math_rad = followed_heading_rad(*chosen_rad, state, tangent_max);
-      needed = std::max(needed, needed_towards(step.command.heading_math_rad));
-    } else {
-      ++infeasible_decisions_;
-      step.target_heading_math_rad =
-          least_climb_direction_rad(histogram_, kernel_.sectors(), state.heading_math_rad,
-                                    question.goal_math_rad, kFallbackReach_rad);
-      step.command.heading_math_rad = step.target_heading_math_rad;
-      heading_.reset(state.heading_math_rad);
-      needed = limit_tangent;
-      step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
-    }
-    if (options_.climb_ahead.is_used) {
-      const ClimbAhead ahead = climb_ahead(surroundings_, guide_, along_m_, state,
-                                           step.command.heading_math_rad, options_.look_ahead_m,
-                                           options_.safety_height_m, model_, options_.climb_ahead);
-      needed = std::max(needed, ahead.climb_rate_mps / speed_mps);
-      if (ahead.shortfall_rate_mps > limits.climb_rate_max_mps) {
-        step.command.speed_mps = std::clamp(
-            speed_mps * limits.climb_rate_max_mps / ahead.shortfall_rate_mps,
-            std::min(options_.slow_speed_mps, step.command.speed_mps), step.command.speed_mps);
-      }
-    }
-    needed = std::clamp(needed, tangent_min_, limit_tangent);
-
-    climb_.step(elementary::atan(std::max(question.goal_tangent, needed)),
-                elementary::atan(state.climb_rate_mps / speed_mps),
-                state.vertical_acceleration_mps2 / speed_mps, options_.climb_indicator,
-                options_.step_s);
-    const double followed = elementary::tan(
-        std::clamp(climb_.angle_rad, options_.climb_angle_min_rad, 0.25 * std::numbers::pi));
-    const double tangent = std::clamp(std::max(followed, needed), tangent_min_, limit_tangent);
-    step.commanded_climb_angle_rad = elementary::atan(tangent);
-    step.command.climb_rate_mps = speed_mps * tangent;
-    return step;
-  }
-
- private:
-  // A goal that was passed too far aside lies within the turning circle: flying towards it would
-  // orbit it forever. Straight on until it can be reached, then back.
-  bool is_going_around(const ModelState& state, double turn_radius_m) {
-    const double dx_m = guide_.goal().x_m - state.x_m;
-    const double dy_m = guide_.goal().y_m - state.y_m;
-    const double goal_m = distance_m(dx_m, dy_m);
-    const double ahead_m = dx_m * elementary::cos(state.heading_math_rad) +
-                           dy_m * elementary::sin(state.heading_math_rad);
-    const bool is_missed = along_m_ >= guide_.length_m() - kGoalDistanceMin_m && ahead_m <= 0.0 &&
-                           goal_m > options_.goal_radius_m && goal_m < 2.0 * turn_radius_m;
-    if (is_missed && !is_outbound_) {
-      is_outbound_ = true;
-      outbound_rad_ = state.heading_math_rad;
-    } else if (is_outbound_ && goal_m > kGoAroundRadii * turn_radius_m) {
-      is_outbound_ = false;
-    }
-    return is_outbound_;
-  }
-
-  [[nodiscard]] double needed_towards(double heading_rad) const {
-    return histogram_.tan_masked[static_cast<std::size_t>(kernel_.sectors().of_angle(heading_rad))];
-  }
-
-  double followed_heading_rad(double chosen_rad, const ModelState& state, double tangent_max) {
-    const double turn_rate_radps =
-        kGravity_mps2 * elementary::tan(state.bank_left_rad) / state.speed_mps;
-    heading_.step(chosen_rad, state.heading_math_rad, turn_rate_radps, options_.heading_indicator,
-                  options_.step_s);
-    if (needed_towards(heading_.angle_rad) <= tangent_max) {
-      return heading_.angle_rad;
-    }
-    const std::optional<double> nearest_rad =
-        nearest_feasible_rad(histogram_, kernel_.sectors(), heading_.angle_rad, tangent_max);
-    heading_.reset(state.heading_math_rad);
-    return nearest_rad.value_or(chosen_rad);
-  }
-
-  const Surroundings& surroundings_;
-  const Guide& guide_;
-  const CommandModel& model_;
-  const LocalOptions& options_;
-  HistogramKernel kernel_;
-  double speed_mps_;
-  double disc_radius_m_;
-  double tangent_min_;
-  double along_m_ = 0.0;
-  Indicator heading_;
-  Indicator climb_;
-  PolarHistogram histogram_;
-  std::vector<double> scratch_;
-  std::int64_t infeasible_decisions_ = 0;
-  bool is_outbound_ = false;
-  double outbound_rad_ = 0.0;
-};
-
 // Watches the approach to the goal.
 class GoalWatch {
  public:
   GoalWatch(const Guide& guide, double radius_m) : goal_(guide.goal()), radius_m_(radius_m) {}
 
   // True at the nearest approach, or at the goal itself.
-  bool is_reached(const ModelState& state) {
+  bool is_reached(const ModelState& state, const StateTrigonometry& trigonometry) {
     const double dx_m = goal_.x_m - state.x_m;
     const double dy_m = goal_.y_m - state.y_m;
-    const double ahead_m = dx_m * elementary::cos(state.heading_math_rad) +
-                           dy_m * elementary::sin(state.heading_math_rad);
+    const double ahead_m = dx_m * trigonometry.cos_heading + dy_m * trigonometry.sin_heading;
     return distance_m(dx_m, dy_m) <= radius_m_ && ahead_m <= 0.0;
   }
 
@@ -269,7 +99,7 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                                const std::vector<flight::Waypoint>& guide,
                                                const command_model::ModelState& initial,
                                                double speed_mps, const StepModel& step_model,
-                                               Observer& observer) {
+                                               Observer& observer, Kernel kernel) {
   const flight::Limits& limits = vehicle.limits;
   if (!is_finite(initial)) {
     throw std::invalid_argument("the state at the start must be finite");
@@ -280,6 +110,7 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                 " m/s is outside the vehicle's limits");
   }
   const CommandModel model(vehicle);
+  const CommandModel::StepConstants step_constants = model.step_constants(options.step_s);
   const double disc_radius_m =
       options.safety_radius_m + 0.5 * std::numbers::sqrt2 * costs.map().geometry.cell_m;
   const Surroundings surroundings(costs, options.window_m, disc_radius_m, options.semantics_weight,
@@ -300,7 +131,7 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                      options.truncation_distance_m,
                                      options.arc_radius_max_factor,
                                      options.is_arc_widened};
-    Decider decider(surroundings, line, model, options, histogram, speed_mps, initial);
+    Decider decider(surroundings, line, model, options, histogram, speed_mps, initial, kernel);
     GoalWatch goal(line, options.goal_radius_m);
     const auto steps_max = static_cast<std::int64_t>(
         (options.length_factor_max * line.length_m() / speed_mps + kExtraTime_s) / options.step_s);
@@ -309,7 +140,8 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
         static_cast<std::size_t>(1.2 * line.length_m() / (speed_mps * options.step_s) + 100.0));
 
     ModelState state = initial;
-    for (std::int64_t i = 0; !goal.is_reached(state); ++i) {
+    StateTrigonometry trigonometry = command_model::trigonometry_of(state);
+    for (std::int64_t i = 0; !goal.is_reached(state, trigonometry); ++i) {
       if (i % kStepsBetweenReports == 0) {
         observer.progress("local", pass + decider.along_m() / line.length_m(), options.passes);
         if (observer.stop_requested()) {
@@ -325,11 +157,15 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                 std::to_string(options.length_factor_max).substr(0, 4) +
                                 " times the length of the route");
       }
-      flight.steps.push_back(decider.decide(state));
+      flight.steps.push_back(decider.decide(state, trigonometry));
       ++flight.decisions;
       const Command& command = flight.steps.back().command;
-      state = step_model ? step_model(state, command, options.step_s)
-                         : model.step(state, command, options.step_s);
+      if (step_model) {
+        state = step_model(state, command, options.step_s);
+        trigonometry = command_model::trigonometry_of(state);
+      } else {
+        state = model.step(state, command, step_constants, trigonometry);
+      }
       if (!is_finite(state)) {
         throw std::invalid_argument("the step model gave a state that is not finite");
       }

@@ -13,6 +13,7 @@
 #include "local_planning/climb_profile.hpp"
 #include "local_planning/direction.hpp"
 #include "local_planning/indicator.hpp"
+#include "local_planning/step_kernels.hpp"
 #include "risk/cost_model.hpp"
 
 namespace hedgehop::local_planning {
@@ -117,6 +118,7 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// @param guide       at least two different places; altitudes are followed or exceeded
 /// @param initial     state at the first waypoint, within the vehicle's limits
 /// @param step_model  empty: the command model is stepped in process
+/// @param kernel      same bytes whatever it is
 /// @return  the flight of the last pass; counts are of all passes. NoPlan: kLocalPlannerStuck with
 ///          the place when the goal is not reached, kStopped when the observer says so.
 /// @throws std::invalid_argument  for a guide or state that is not finite, a speed out of limits.
@@ -127,6 +129,6 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                                const std::vector<flight::Waypoint>& guide,
                                                const command_model::ModelState& initial,
                                                double speed_mps, const StepModel& step_model,
-                                               Observer& observer);
+                                               Observer& observer, Kernel kernel = Kernel::kBest);
 
 }  // namespace hedgehop::local_planning

@@ -3,224 +3,165 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
-#include <stdexcept>
-#include <string>
 
-#include "base/angles.hpp"
 #include "base/elementary.hpp"
 
 namespace hedgehop::local_planning {
 namespace {
 
-constexpr double kNothing = -std::numeric_limits<double>::infinity();
-constexpr double kQuarterPi = 0.25 * std::numbers::pi;
+constexpr float kNothing = -std::numeric_limits<float>::infinity();
 
-// Grows with the angle of (x, y) from 0 to 4, one a quadrant: no transcendental function is needed.
-double pseudo_angle(double x, double y) {
-  const double sum = std::fabs(x) + std::fabs(y);
-  if (sum == 0.0) {
-    return 0.0;
-  }
-  const double share = y / sum;
-  if (x < 0.0) {
-    return 2.0 - share;
-  }
-  return share < 0.0 ? 4.0 + share : share;
+// Adding zero makes -0 a +0: the greater of the two depends on the order they come in.
+float tangent_of(float too_high_m, float distance_m, float disc_m, float near_m) {
+  return too_high_m /
+             (too_high_m > 0.0F ? std::max(distance_m - disc_m, near_m) : distance_m + disc_m) +
+         0.0F;
 }
 
 }  // namespace
 
-Sectors::Sectors(int count) : count_(count), width_rad_(kTwoPi / count), slots_per_unit_(count) {
-  if (count < 8 || count > 1024) {
-    throw std::invalid_argument("a polar histogram has 8 to 1024 sectors, not " +
-                                std::to_string(count));
+void PolarHistogram::resize(int sectors) {
+  const auto size = static_cast<std::size_t>(padded_to_lanes(sectors));
+  if (tan_climb.size() == size) {
+    return;
   }
-  for (int k = 0; k < count; ++k) {
-    const double edge_rad = (k + 0.5) * width_rad_;
-    bounds_.push_back(pseudo_angle(elementary::cos(edge_rad), elementary::sin(edge_rad)));
-  }
-  bounds_.push_back(5.0);
-  for (int slot = 0; slot <= 4 * count; ++slot) {
-    const auto above =
-        std::upper_bound(bounds_.begin(), bounds_.end(), slot / slots_per_unit_) - bounds_.begin();
-    first_.push_back(static_cast<std::int16_t>(above));
-  }
-}
-
-int Sectors::of_angle(double angle_rad) const {
-  const int sector = static_cast<int>(std::floor(wrap_to_two_pi(angle_rad) / width_rad_ + 0.5));
-  return sector >= count_ ? sector - count_ : sector;
-}
-
-int Sectors::of_direction(double x, double y) const {
-  const double angle = pseudo_angle(x, y);
-  int sector = first_[static_cast<std::size_t>(angle * slots_per_unit_)];
-  while (bounds_[static_cast<std::size_t>(sector)] <= angle) {
-    ++sector;
-  }
-  return sector == count_ ? 0 : sector;
+  tan_climb.assign(size, kNothing);
+  tan_masked.assign(size, std::numeric_limits<float>::infinity());
+  tan_mask.assign(size, kNothing);
+  risk.assign(size, 0.0F);
+  risk_weight.assign(size, 0.0F);
 }
 
 HistogramKernel::HistogramKernel(const Surroundings& surroundings, const HistogramOptions& options)
     : surroundings_(&surroundings),
-      options_(options),
       sectors_(options.sectors),
-      truncation_cosine_(elementary::cos(options.truncation_angle_rad)),
-      climb_(static_cast<std::size_t>(2 * options.sectors)),
-      risk_(static_cast<std::size_t>(2 * options.sectors + 2)),
-      weight_(static_cast<std::size_t>(2 * options.sectors + 2)) {}
+      constants_(options, surroundings.geometry(), surroundings.risk_max()),
+      risk_(static_cast<std::size_t>(options.sectors + 1)),
+      weight_(static_cast<std::size_t>(options.sectors + 1)) {}
 
 void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
                               double heading_math_rad, double turn_radius_min_m,
                               PolarHistogram& histogram, double reach_m) {
   const int count = sectors_.count();
   const auto size = static_cast<std::size_t>(count);
-  std::fill(climb_.begin(), climb_.end(), kNothing);
-  std::fill(risk_.begin(), risk_.end(), 0.0);
-  std::fill(weight_.begin(), weight_.end(), 0.0);
-  histogram.tan_mask.assign(size, kNothing);
+  histogram.resize(count);
+  std::fill_n(histogram.tan_climb.begin(), size, kNothing);
+  std::fill_n(histogram.tan_mask.begin(), size, kNothing);
+  std::fill(risk_.begin(), risk_.end(), 0);
+  std::fill(weight_.begin(), weight_.end(), 0);
   histogram.tan_climb_near = kNothing;
 
-  const raster::GridGeometry& geometry = surroundings_->geometry();
-  const double cell_m = geometry.cell_m;
-  const double window_m = options_.window_m;
-  const double window_m2 = window_m * window_m;
-  const double range_m = std::min(window_m, reach_m);
-  const double range_m2 = range_m * range_m;
-  const double disc_m = options_.disc_radius_m;
-  const double disc_m2 = disc_m * disc_m;
-  const double truncation_m2 = options_.truncation_distance_m * options_.truncation_distance_m;
+  const PolarConstants& c = constants_;
+  const PolarQuestion question(c, altitude_m, heading_math_rad, turn_radius_min_m, reach_m);
+  const Viewpoint view = c.viewpoint(place.x_m, place.y_m);
+  const double within_x_m = c.within_cell_m(view.sub_column);
+  const double within_y_m = c.within_cell_m(view.sub_row);
+  const double window_m2 = c.window_m * c.window_m;
   const double cosine = elementary::cos(heading_math_rad);
   const double sine = elementary::sin(heading_math_rad);
-  const double floor_m = altitude_m - options_.safety_height_m;
-  const double widened_m = options_.is_arc_widened ? disc_m : 0.0;
-  const double arc_min_m = turn_radius_min_m - widened_m;
-  const double arc_spread_m = (options_.arc_radius_max_factor - 1.0) * turn_radius_min_m;
-  double near_risk = 0.0;
-  double near_weight = 0.0;
+  const raster::GridGeometry& geometry = surroundings_->geometry();
+  const int reach_cells = static_cast<int>(c.window_m / c.cell_m) + 1;
+  const int row_low = std::max(-reach_cells, -view.row);
+  const int row_high = std::min(reach_cells, geometry.rows - 1 - view.row);
+  const int column_low = std::max(-reach_cells, -view.column);
+  const int column_high = std::min(reach_cells, geometry.columns - 1 - view.column);
 
-  const auto first_index = [&](double low_m) {
-    return static_cast<int>(std::ceil(low_m / cell_m - 0.5));
-  };
-  const auto last_index = [&](double high_m) {
-    return static_cast<int>(std::floor(high_m / cell_m - 0.5));
-  };
-  const int row_low = std::max(0, first_index(place.y_m - range_m - geometry.south_m));
-  const int row_high =
-      std::min(geometry.rows - 1, last_index(place.y_m + range_m - geometry.south_m));
   for (int row = row_low; row <= row_high; ++row) {
-    const double dy_m = geometry.south_m + (row + 0.5) * cell_m - place.y_m;
-    const double half_m = std::sqrt(std::max(0.0, range_m2 - dy_m * dy_m));
-    const int column_low = std::max(0, first_index(place.x_m - half_m - geometry.west_m));
-    const int column_high =
-        std::min(geometry.columns - 1, last_index(place.x_m + half_m - geometry.west_m));
-    const float* surface_m = surroundings_->surface_m().row(row);
-    const float* risk = surroundings_->risk().row(row);
+    const double dy_m = (row + 0.5) * c.cell_m - within_y_m;
+    const float* surface_m = surroundings_->surface_m().row(view.row + row) + view.column;
+    const float* risk = surroundings_->risk().row(view.row + row) + view.column;
     for (int column = column_low; column <= column_high; ++column) {
-      const double dx_m = geometry.west_m + (column + 0.5) * cell_m - place.x_m;
+      const double dx_m = (column + 0.5) * c.cell_m - within_x_m;
       const double d_m2 = dx_m * dx_m + dy_m * dy_m;
-      if (d_m2 > range_m2) {
+      if (d_m2 > window_m2) {
         continue;
       }
-      const double too_high_m = static_cast<double>(surface_m[column]) - floor_m;  // N
-      const double weight = 1.0 - d_m2 / window_m2;
-      const double weighted_risk = weight * static_cast<double>(risk[column]);
-      const double d_m = std::sqrt(d_m2);
-      if (d_m2 <= disc_m2) {
-        const double tangent =
-            too_high_m > 0.0 ? too_high_m / options_.near_distance_m : too_high_m / (d_m + disc_m);
-        histogram.tan_climb_near = std::max(histogram.tan_climb_near, tangent);
-        near_risk += weighted_risk;
-        near_weight += weight;
-        continue;
-      }
+      // Cells well off the heading that cannot be truncated need no azimuth.
       const double ahead_m = dx_m * cosine + dy_m * sine;
-      if (d_m2 < truncation_m2 && ahead_m < d_m * truncation_cosine_) {
+      const double aside_m = std::fabs(dy_m * cosine - dx_m * sine);
+      const bool needs_azimuth =
+          ahead_m > 0.9 * aside_m || d_m2 < 1.01 * c.truncation_distance * c.truncation_distance;
+      const PolarCell cell = polar_cell(c, sectors_, dx_m, dy_m, needs_azimuth);
+      const float d_m = cell.distance_m;
+      if (d_m > question.reach_m) {
         continue;
       }
-      const double tangent = too_high_m > 0.0
-                                 ? too_high_m / std::max(d_m - disc_m, options_.near_distance_m)
-                                 : too_high_m / (d_m + disc_m);
-      const double q_m = std::sqrt(d_m2 - disc_m2);
-      const int low = sectors_.of_direction(dx_m * q_m + dy_m * disc_m, dy_m * q_m - dx_m * disc_m);
-      int high = sectors_.of_direction(dx_m * q_m - dy_m * disc_m, dy_m * q_m + dx_m * disc_m);
-      if (high < low) {
-        high += count;
+      const float too_high_m = surface_m[column] - question.floor_m;  // N
+      const float tangent = tangent_of(too_high_m, d_m, c.disc, c.near);
+      const float share = std::max(1.0F - d_m * d_m * c.inverse_window2, 0.0F);
+      const auto weight = static_cast<std::int32_t>(share * c.weight_scale + 0.5F);
+      const auto weighted_risk =
+          static_cast<std::int32_t>(share * risk[column] * c.risk_scale + 0.5F);
+      if (d_m <= c.disc) {
+        histogram.tan_climb_near = std::max(histogram.tan_climb_near, tangent);
+        risk_[0] += weighted_risk;
+        weight_[0] += weight;
+        continue;
       }
-      double* const climb = climb_.data();
-      for (int k = low; k <= high; ++k) {
-        climb[k] = std::max(climb[k], tangent);
+      const float turned_rad = cell.azimuth_rad - question.heading_rad;
+      const float off_rad = std::min(std::fabs(turned_rad), kTwoPi_f - std::fabs(turned_rad));
+      if (needs_azimuth && d_m < c.truncation_distance && off_rad > c.truncation_angle) {
+        continue;
       }
-      risk_[static_cast<std::size_t>(low)] += weighted_risk;
-      risk_[static_cast<std::size_t>(high) + 1] -= weighted_risk;
-      weight_[static_cast<std::size_t>(low)] += weight;
-      weight_[static_cast<std::size_t>(high) + 1] -= weight;
+      const auto low = static_cast<std::size_t>(cell.low);
+      const auto end = static_cast<std::size_t>(cell.high) + 1;
+      for (std::size_t k = low; k < end; ++k) {
+        float& climb = histogram.tan_climb[k < size ? k : k - size];
+        climb = std::max(climb, tangent);
+      }
+      risk_[low] += weighted_risk;
+      weight_[low] += weight;
+      risk_[end <= size ? end : end - size] -= weighted_risk;
+      weight_[end <= size ? end : end - size] -= weight;
+      if (end > size) {
+        risk_[0] += weighted_risk;
+        weight_[0] += weight;
+      }
 
-      const double aside_m = dy_m * cosine - dx_m * sine;
-      const double aside_abs_m = std::fabs(aside_m);
-      if (ahead_m <= aside_abs_m || aside_abs_m < 1e-6 * d_m ||
-          d_m2 < 2.0 * arc_min_m * aside_abs_m) {
+      if (!needs_azimuth || off_rad >= kQuarterPi_f || off_rad < kStraightAhead_rad) {
         continue;
       }
-      const double delta_rad = elementary::atan2(aside_m, ahead_m);
-      const double radius_m = d_m2 / (2.0 * aside_abs_m);
-      const double radius_max_m =
-          turn_radius_min_m + widened_m + arc_spread_m * (1.0 - std::fabs(delta_rad) / kQuarterPi);
-      if (radius_m > radius_max_m) {
+      const float off_rad2 = off_rad * off_rad;
+      float series = kArcSeries[5];
+      for (int i = 4; i >= 0; --i) {
+        series = series * off_rad2 + kArcSeries[i];
+      }
+      const float arc_m = d_m * (series * off_rad2 + 1.0F);
+      if (arc_m < off_rad * question.arc_min ||
+          arc_m > off_rad *
+                      (question.arc_max + question.arc_spread * (1.0F - off_rad * kFourOverPi_f))) {
         continue;
       }
-      const double arc_m = d_m2 * std::fabs(delta_rad) / aside_abs_m;
-      const double arc_tangent =
-          too_high_m > 0.0 ? too_high_m / std::max(arc_m - disc_m, options_.near_distance_m)
-                           : too_high_m / (arc_m + disc_m);
-      double& mask = histogram.tan_mask[static_cast<std::size_t>(
-          sectors_.of_angle(heading_math_rad + 2.0 * delta_rad))];
-      mask = std::max(mask, arc_tangent);
+      // The shorter way round is to the left if the difference is in (0, pi) or below -pi.
+      const bool is_left = (turned_rad > 0.0F) == (std::fabs(turned_rad) < kPi_f);
+      const float led_to_rad = question.heading_rad + (is_left ? 2.0F * off_rad : -2.0F * off_rad);
+      int k = static_cast<int>(std::floor(led_to_rad * c.sectors_per_rad + 0.5F));
+      k = k < 0 ? k + count : (k >= count ? k - count : k);
+      float& mask = histogram.tan_mask[static_cast<std::size_t>(k)];
+      mask = std::max(mask, tangent_of(too_high_m, arc_m, c.disc, c.near));
     }
   }
 
-  histogram.tan_climb.resize(size);
-  histogram.risk.resize(size);
-  histogram.risk_weight.resize(size);
-  double risk_sum = near_risk;
-  double weight_sum = near_weight;
-  double wrapped_risk = 0.0;
-  double wrapped_weight = 0.0;
+  std::int64_t risk_sum = 0;
+  std::int64_t weight_sum = 0;
   for (std::size_t k = 0; k < size; ++k) {
     risk_sum += risk_[k];
     weight_sum += weight_[k];
-    histogram.risk[k] = risk_sum;
-    histogram.risk_weight[k] = weight_sum;
-    histogram.tan_climb[k] = std::max(climb_[k], climb_[k + size]);
+    const auto weight = static_cast<float>(weight_sum);
+    histogram.risk_weight[k] = weight / c.weight_scale;
+    histogram.risk[k] = weight_sum > 0 ? static_cast<float>(risk_sum) / weight * c.risk_max : 0.0F;
   }
-  // What is still open at K - 1 goes on in the wrapped half.
-  wrapped_risk = risk_sum - near_risk;
-  wrapped_weight = weight_sum - near_weight;
-  for (std::size_t k = 0; k < size; ++k) {
-    wrapped_risk += risk_[k + size];
-    wrapped_weight += weight_[k + size];
-    histogram.risk[k] += wrapped_risk;
-    histogram.risk_weight[k] += wrapped_weight;
-  }
-  for (std::size_t k = 0; k < size; ++k) {
-    // Differences leave rounding where no cell is; a cell at the window's edge weighs more than
-    // that.
-    const bool is_empty = histogram.risk_weight[k] < 1e-9;
-    histogram.risk_weight[k] = is_empty ? 0.0 : histogram.risk_weight[k];
-    histogram.risk[k] = is_empty ? 0.0 : histogram.risk[k] / histogram.risk_weight[k];
-  }
-  apply_mask(sectors_.of_angle(heading_math_rad), histogram);
+  apply_mask(sectors_.of_angle(heading_math_rad), count, histogram);
 }
 
-void HistogramKernel::apply_mask(int heading_sector, PolarHistogram& histogram) const {
-  const int count = sectors_.count();
+void apply_mask(int heading_sector, int count, PolarHistogram& histogram) {
   const auto at = [count](int k) {
     return static_cast<std::size_t>(k < 0 ? k + count : (k >= count ? k - count : k));
   };
-  histogram.tan_masked = histogram.tan_climb;
-  double left = kNothing;
-  double right = kNothing;
+  std::copy_n(histogram.tan_climb.begin(), static_cast<std::size_t>(count),
+              histogram.tan_masked.begin());
+  float left = kNothing;
+  float right = kNothing;
   int i = 1;
   for (; 2 * i < count; ++i) {
     const std::size_t k_left = at(heading_sector + i);
@@ -231,7 +172,7 @@ void HistogramKernel::apply_mask(int heading_sector, PolarHistogram& histogram) 
     histogram.tan_masked[k_right] = std::max(histogram.tan_masked[k_right], right);
   }
   if (2 * i == count) {
-    double& opposite = histogram.tan_masked[at(heading_sector + i)];
+    float& opposite = histogram.tan_masked[at(heading_sector + i)];
     opposite = std::max(opposite, std::min(left, right));
   }
 }

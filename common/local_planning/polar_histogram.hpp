@@ -4,54 +4,23 @@
 #include <limits>
 #include <vector>
 
+#include "local_planning/polar_geometry.hpp"
 #include "local_planning/surroundings.hpp"
 
 namespace hedgehop::local_planning {
 
-/// K equal sectors of the circle. Sector k is centred on k * 2 pi / K, counter-clockwise from east.
-class Sectors {
- public:
-  /// @throws std::invalid_argument  unless 8 <= count <= 1024.
-  explicit Sectors(int count);
-
-  [[nodiscard]] int count() const { return count_; }
-  [[nodiscard]] double width_rad() const { return width_rad_; }
-  [[nodiscard]] double centre_rad(int sector) const { return sector * width_rad_; }
-  /// Sector of an angle [rad].
-  [[nodiscard]] int of_angle(double angle_rad) const;
-  /// Sector of a direction, without a transcendental function; (0, 0) is in sector 0.
-  [[nodiscard]] int of_direction(double x, double y) const;
-
- private:
-  int count_;
-  double width_rad_;
-  std::vector<double> bounds_;       // pseudo-angles of the sectors' left edges, ascending, and 5
-  std::vector<std::int16_t> first_;  // bounds at or below the start of a slot
-  double slots_per_unit_;
-};
-
-/// Geometry of the histogram.
-struct HistogramOptions {
-  double window_m = 0.0;               // w
-  int sectors = 0;                     // K
-  double disc_radius_m = 0.0;          // r_s: lateral margin plus half the diagonal of a cell
-  double safety_height_m = 0.0;        // h_s
-  double near_distance_m = 0.0;        // eps, least distance in a denominator
-  double truncation_angle_rad = 0.0;   // cells further off the heading ...
-  double truncation_distance_m = 0.0;  // ... and nearer than this are left out
-  double arc_radius_max_factor = 0.0;  // r_max0 / r_min
-  bool is_arc_widened = false;         // [r_min, r_max] widened by r_s
-};
-
 /// What the terrain around asks for, a sector each. Tangents of climb angles; minus infinity:
-/// nothing.
+/// nothing. The arrays are padded to a multiple of kLanes.
 struct PolarHistogram {
-  std::vector<double> tan_climb;    // eq. (2), cells beyond the disc
-  std::vector<double> tan_masked;   // the same after the arc mask (eq. (4) and algorithm 1)
-  std::vector<double> tan_mask;     // eq. (4) alone
-  double tan_climb_near = 0.0;      // of the cells within the disc: they belong to every sector
-  std::vector<double> risk;         // eq. (5), weighted mean; 0 without a cell
-  std::vector<double> risk_weight;  // sum of the weights; 0: no cell
+  std::vector<float> tan_climb;    // eq. (2), cells beyond the disc
+  std::vector<float> tan_masked;   // the same after the arc mask (eq. (4) and algorithm 1)
+  std::vector<float> tan_mask;     // eq. (4) alone
+  float tan_climb_near = 0.0F;     // of the cells within the disc: they belong to every sector
+  std::vector<float> risk;         // eq. (5), weighted mean; 0 without a cell
+  std::vector<float> risk_weight;  // sum of the weights; 0: no cell
+
+  /// Sets the size for so many sectors and what stands in the padding: not feasible, no cell.
+  void resize(int sectors);
 };
 
 /// Climb angles needed to clear the terrain, for each azimuth sector, with the masks and risks of
@@ -78,13 +47,21 @@ struct PolarHistogram {
 /// Risk of a sector: sum n_c risk_c / sum n_c with n_c = 1 - d^2 / w^2 over the same cells (5).
 ///
 /// H_c  surface of the cell; z: altitude [m AMSL]
-/// d, beta  horizontal distance and azimuth of the cell's centre, counter-clockwise from east
+/// d, beta  horizontal distance and azimuth of the cell's centre, counter-clockwise from east,
+///          seen from the centre of the sub-cell (a square of at most kSubcell_m) that holds the
+///          helicopter
+/// r_s  the disc radius of the options plus half the diagonal of a sub-cell: what is asked for is
+///      enough wherever in its sub-cell the helicopter is
+///
+/// Which sectors a cell belongs to is decided in double precision, tangents and masks are single
+/// precision, sums of risk are fixed-point numbers: they do not depend on the order of the cells.
 ///
 /// Source: the polar histogram of J. Borenstein and Y. Koren, "The vector field histogram", IEEE
 /// T-RA 7(3), 1991, doi:10.1109/70.88137, and I. Ulrich and J. Borenstein, "VFH+", ICRA 1998,
 /// doi:10.1109/ROBOT.1998.677362, with obstacle density replaced by climb angle.
 ///
-/// Cost O((w / cell)^2 + K). Each object has scratch memory: one thread at a time.
+/// Cost O((w / cell)^2 + K). Each object has scratch memory: one thread at a time. This is the
+/// plain form; HistogramTable gives the same bits many times faster.
 class HistogramKernel {
  public:
   /// Holds a reference to `surroundings`, whose padding must suit the window.
@@ -98,17 +75,17 @@ class HistogramKernel {
                double reach_m = std::numeric_limits<double>::infinity());
 
   [[nodiscard]] const Sectors& sectors() const { return sectors_; }
+  [[nodiscard]] const PolarConstants& constants() const { return constants_; }
 
  private:
-  void apply_mask(int heading_sector, PolarHistogram& histogram) const;
-
   const Surroundings* surroundings_;
-  HistogramOptions options_;
   Sectors sectors_;
-  double truncation_cosine_;
-  std::vector<double> climb_;   // 2 K: sectors K.. 2 K - 1 are those that wrapped
-  std::vector<double> risk_;    // 2 K + 2, differences
-  std::vector<double> weight_;  // 2 K + 2, differences
+  PolarConstants constants_;
+  std::vector<std::int64_t> risk_;    // K + 1, differences
+  std::vector<std::int64_t> weight_;  // K + 1, differences
 };
+
+/// Algorithm 1: tan_masked from tan_climb and tan_mask.
+void apply_mask(int heading_sector, int sectors, PolarHistogram& histogram);
 
 }  // namespace hedgehop::local_planning

@@ -20,6 +20,7 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
   surface_m_ = raster::Grid<float>(padded, kBlockedAltitude_m);
   risk_ = raster::Grid<float>(padded, static_cast<float>(semantics_weight + visibility_weight));
   dilated_m_ = raster::Grid<float>(padded, -std::numeric_limits<float>::infinity());
+  float risk_max = risk_.at(0, 0);
 
   std::vector<std::pair<int, int>> disc;
   const int reach = static_cast<int>(disc_radius_m / cell_m);
@@ -45,9 +46,11 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
         here_m = static_cast<float>(wall_m);
       }
       surface_m_.at(column + padding, row + padding) = here_m;
-      risk_.at(column + padding, row + padding) = static_cast<float>(
+      const auto risk = static_cast<float>(
           semantics_weight * static_cast<double>(costs.semantics_layer().at(column, row)) +
           visibility_weight * static_cast<double>(costs.visibility_layer().at(column, row)));
+      risk_.at(column + padding, row + padding) = risk;
+      risk_max = std::max(risk_max, risk);
       for (const auto& [right, up] : disc) {
         const raster::CellIndex cell{column + padding + right, row + padding + up};
         if (padded.contains(cell)) {
@@ -56,6 +59,7 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
       }
     }
   }
+  risk_max_ = static_cast<double>(risk_max);
 }
 
 }  // namespace hedgehop::local_planning

@@ -31,6 +31,8 @@ class Surroundings {
   [[nodiscard]] const raster::Grid<float>& surface_m() const { return surface_m_; }
   /// c_sem semantics + c_vis visibility; the greatest possible value in the padding.
   [[nodiscard]] const raster::Grid<float>& risk() const { return risk_; }
+  /// The greatest value in `risk`.
+  [[nodiscard]] double risk_max() const { return risk_max_; }
   /// Greatest known surface of the cells whose centres lie within disc_radius_m of the centre of
   /// the cell that holds the point; -infinity if there is none or the point is outside.
   [[nodiscard]] double dilated_m(const geo::MapPoint& point) const {
@@ -38,6 +40,8 @@ class Surroundings {
     return geometry().contains(cell) ? static_cast<double>(dilated_m_.at(cell))
                                      : -std::numeric_limits<double>::infinity();
   }
+  /// The same for kernels; padded.
+  [[nodiscard]] const raster::Grid<float>& dilated_layer_m() const { return dilated_m_; }
   /// Whether the point lies on the map itself, not on the padding.
   [[nodiscard]] bool is_on_map(const geo::MapPoint& point) const {
     return map_geometry_.contains(point);
@@ -48,6 +52,7 @@ class Surroundings {
   raster::Grid<float> surface_m_;
   raster::Grid<float> risk_;
   raster::Grid<float> dilated_m_;
+  double risk_max_ = 0.0;
 };
 
 }  // namespace hedgehop::local_planning

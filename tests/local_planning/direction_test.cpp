@@ -3,9 +3,12 @@
 #include <cmath>
 #include <gtest/gtest.h>
 #include <numbers>
+#include <optional>
+#include <random>
 #include <vector>
 
 #include "base/angles.hpp"
+#include "support/fresh_seed.hpp"
 
 namespace hedgehop::local_planning {
 namespace {
@@ -14,14 +17,18 @@ constexpr double kPi = std::numbers::pi;
 constexpr int kCount = 64;
 
 // Level ground, no risk.
-PolarHistogram open_country(double risk = 0.0) {
+PolarHistogram open_country(float risk = 0.0F) {
   PolarHistogram histogram;
-  histogram.tan_climb.assign(kCount, -0.1);
-  histogram.tan_masked.assign(kCount, -0.1);
-  histogram.tan_mask.assign(kCount, -0.1);
+  histogram.tan_climb.assign(kCount, -0.1F);
+  histogram.tan_masked.assign(kCount, -0.1F);
+  histogram.tan_mask.assign(kCount, -0.1F);
   histogram.risk.assign(kCount, risk);
-  histogram.risk_weight.assign(kCount, 5.0);
+  histogram.risk_weight.assign(kCount, 5.0F);
   return histogram;
+}
+
+float sine_of_sector(std::size_t k) {
+  return static_cast<float>(std::sin(static_cast<double>(k) * 2.0 * kPi / kCount));
 }
 
 DirectionWeights plain_weights(GoalCost goal_cost = GoalCost::kQuadratic) {
@@ -34,21 +41,35 @@ DirectionQuestion towards(double goal_rad, double heading_rad) {
 
 class Direction : public ::testing::Test {
  protected:
+  // The same by the plain form and by all instructions that there are.
+  std::optional<double> cheapest(const PolarHistogram& histogram, const DirectionWeights& weights,
+                                 const DirectionQuestion& question) {
+    const auto plain =
+        cheapest_direction_rad(histogram, sectors_, weights, question, scratch_, &plain_cheapest);
+    for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
+      if (is_available(kernel)) {
+        EXPECT_EQ(cheapest_direction_rad(histogram, sectors_, weights, question, scratch_,
+                                         step_kernels(kernel).cheapest),
+                  plain)
+            << name_of_kernel(kernel);
+      }
+    }
+    return plain;
+  }
+
   Sectors sectors_{kCount};
-  std::vector<double> scratch_;
+  DirectionScratch scratch_;
 };
 
 TEST_F(Direction, FeasibleGoalDirectionIsTakenExactly) {
-  const auto direction = cheapest_direction_rad(open_country(), sectors_, plain_weights(),
-                                                towards(0.123, -0.4), scratch_);
+  const auto direction = cheapest(open_country(), plain_weights(), towards(0.123, -0.4));
   EXPECT_EQ(direction, 0.123);
 }
 
 TEST_F(Direction, EqualRiskEverywhereChangesNothing) {
-  for (const double risk : {0.1, 1.0, 100.0}) {
+  for (const float risk : {0.1F, 1.0F, 100.0F}) {
     for (const double goal_rad : {-2.5, 0.05, 1.4}) {
-      const auto direction = cheapest_direction_rad(open_country(risk), sectors_, plain_weights(),
-                                                    towards(goal_rad, 0.0), scratch_);
+      const auto direction = cheapest(open_country(risk), plain_weights(), towards(goal_rad, 0.0));
       EXPECT_EQ(direction, goal_rad);
     }
   }
@@ -57,10 +78,9 @@ TEST_F(Direction, EqualRiskEverywhereChangesNothing) {
 TEST_F(Direction, RiskOnTheLeftPullsToTheRight) {
   PolarHistogram histogram = open_country();
   for (std::size_t k = 0; k < kCount; ++k) {
-    histogram.risk[k] = 0.2 * std::sin(static_cast<double>(k) * 2.0 * kPi / kCount);
+    histogram.risk[k] = 0.2F * sine_of_sector(k);
   }
-  const auto direction =
-      cheapest_direction_rad(histogram, sectors_, plain_weights(), towards(0.0, 0.0), scratch_);
+  const auto direction = cheapest(histogram, plain_weights(), towards(0.0, 0.0));
   ASSERT_TRUE(direction);
   EXPECT_LT(*direction, -0.05);
   EXPECT_GT(*direction, -0.8);
@@ -70,12 +90,10 @@ TEST_F(Direction, WeakRiskMovesTheQuadraticGoalCostButNotTheAbsoluteOne) {
   // Slope of the risk gain at the goal: 0.004 / 0.15 per radian; a sector is 0.098 rad wide.
   PolarHistogram histogram = open_country();
   for (std::size_t k = 0; k < kCount; ++k) {
-    histogram.risk[k] = 0.04 * std::sin(static_cast<double>(k) * 2.0 * kPi / kCount);
+    histogram.risk[k] = 0.04F * sine_of_sector(k);
   }
-  const auto quadratic =
-      cheapest_direction_rad(histogram, sectors_, plain_weights(), towards(0.0, 0.0), scratch_);
-  const auto absolute = cheapest_direction_rad(
-      histogram, sectors_, plain_weights(GoalCost::kAbsolute), towards(0.0, 0.0), scratch_);
+  const auto quadratic = cheapest(histogram, plain_weights(), towards(0.0, 0.0));
+  const auto absolute = cheapest(histogram, plain_weights(GoalCost::kAbsolute), towards(0.0, 0.0));
   EXPECT_LT(*quadratic, 0.0);
   EXPECT_EQ(*absolute, 0.0);
 }
@@ -83,61 +101,99 @@ TEST_F(Direction, WeakRiskMovesTheQuadraticGoalCostButNotTheAbsoluteOne) {
 TEST_F(Direction, ClimbAboveTheGuideIsAvoidedWhenItCosts) {
   PolarHistogram histogram = open_country();
   for (const int k : {-1, 0, 1}) {
-    histogram.tan_masked[static_cast<std::size_t>((k + kCount) % kCount)] = 0.15;
+    histogram.tan_masked[static_cast<std::size_t>((k + kCount) % kCount)] = 0.15F;
   }
   DirectionWeights weights = plain_weights();
-  EXPECT_EQ(cheapest_direction_rad(histogram, sectors_, weights, towards(0.0, 0.0), scratch_), 0.0);
+  EXPECT_EQ(cheapest(histogram, weights, towards(0.0, 0.0)), 0.0);
   weights.climb_relative = 1.0;
-  const auto direction =
-      cheapest_direction_rad(histogram, sectors_, weights, towards(0.0, 0.0), scratch_);
+  const auto direction = cheapest(histogram, weights, towards(0.0, 0.0));
   EXPECT_NEAR(std::fabs(*direction), 2.0 * 2.0 * kPi / kCount, 1e-12);
 }
 
 TEST_F(Direction, NearTheGoalOnlyItsDirectionCounts) {
   PolarHistogram histogram = open_country();
   for (std::size_t k = 0; k < kCount; ++k) {
-    histogram.risk[k] = 5.0 * std::sin(static_cast<double>(k) * 2.0 * kPi / kCount);
+    histogram.risk[k] = 5.0F * sine_of_sector(k);
   }
   DirectionQuestion question = towards(0.7, 0.0);
   question.polar_share = 0.0;
-  EXPECT_EQ(cheapest_direction_rad(histogram, sectors_, plain_weights(), question, scratch_), 0.7);
+  EXPECT_EQ(cheapest(histogram, plain_weights(), question), 0.7);
 }
 
 TEST_F(Direction, BlockedGoalGivesTheNearestOpenSide) {
   PolarHistogram histogram = open_country();
   for (int k = -5; k <= 3; ++k) {
-    histogram.tan_masked[static_cast<std::size_t>((k + kCount) % kCount)] = 0.181;
+    histogram.tan_masked[static_cast<std::size_t>((k + kCount) % kCount)] = 0.181F;
   }
-  const auto direction =
-      cheapest_direction_rad(histogram, sectors_, plain_weights(), towards(0.0, 0.0), scratch_);
+  const auto direction = cheapest(histogram, plain_weights(), towards(0.0, 0.0));
   EXPECT_NEAR(*direction, 4.0 * 2.0 * kPi / kCount, 1e-12);
-  EXPECT_NEAR(*nearest_feasible_rad(histogram, sectors_, -0.3, 0.18), -6.0 * 2.0 * kPi / kCount,
+  EXPECT_NEAR(*nearest_feasible_rad(histogram, sectors_, -0.3, 0.18F), -6.0 * 2.0 * kPi / kCount,
               1e-12);
 }
 
 TEST_F(Direction, ClimbOfExactlyTheLimitIsFeasible) {
   PolarHistogram histogram = open_country();
-  histogram.tan_masked.assign(kCount, 0.18);
-  EXPECT_EQ(
-      cheapest_direction_rad(histogram, sectors_, plain_weights(), towards(1.0, 0.0), scratch_),
-      1.0);
-  histogram.tan_masked.assign(kCount, std::nextafter(0.18, 1.0));
-  EXPECT_FALSE(
-      cheapest_direction_rad(histogram, sectors_, plain_weights(), towards(1.0, 0.0), scratch_));
-  EXPECT_FALSE(nearest_feasible_rad(histogram, sectors_, 0.0, 0.18));
+  histogram.tan_masked.assign(kCount, 0.18F);
+  EXPECT_EQ(cheapest(histogram, plain_weights(), towards(1.0, 0.0)), 1.0);
+  histogram.tan_masked.assign(kCount, std::nextafter(0.18F, 1.0F));
+  EXPECT_FALSE(cheapest(histogram, plain_weights(), towards(1.0, 0.0)));
+  EXPECT_FALSE(nearest_feasible_rad(histogram, sectors_, 0.0, 0.18F));
 }
 
 TEST_F(Direction, WithoutAWayOutTheLeastClimbWithinReachIsTaken) {
   PolarHistogram histogram = open_country();
-  histogram.tan_masked.assign(kCount, 3.0);
-  histogram.tan_masked[10] = 1.0;
-  histogram.tan_masked[32] = 0.5;  // behind
+  histogram.tan_masked.assign(kCount, 3.0F);
+  histogram.tan_masked[10] = 1.0F;
+  histogram.tan_masked[32] = 0.5F;  // behind
   EXPECT_NEAR(least_climb_direction_rad(histogram, sectors_, 0.0, 0.0, 108.0 * kDegree_rad),
               10.0 * 2.0 * kPi / kCount, 1e-12);
-  histogram.tan_masked.assign(kCount, 3.0);
+  histogram.tan_masked.assign(kCount, 3.0F);
   EXPECT_NEAR(least_climb_direction_rad(histogram, sectors_, 0.0, -0.5, 108.0 * kDegree_rad),
               -5.0 * 2.0 * kPi / kCount, 1e-12)
       << "equal everywhere: the preferred direction";
+}
+
+TEST(DirectionKernels, AllInstructionSetsChooseTheSameWhateverTheHistogram) {
+  std::mt19937_64 random(test::fresh_seed());
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int of_sector = 0;
+  int none = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    const int count = std::vector<int>{8, 31, 32, 64, 90, 128, 256}[random() % 7];
+    const Sectors sectors(count);
+    PolarHistogram histogram;
+    histogram.resize(count);
+    const double share_open = uniform(-0.1, 1.0);
+    for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+      histogram.tan_masked[k] = static_cast<float>(
+          uniform(0.0, 1.0) < share_open ? uniform(-0.3, 0.18) : uniform(0.0, 9.0));
+      histogram.risk[k] = static_cast<float>(uniform(0.0, 2.0));
+      histogram.risk_weight[k] = uniform(0.0, 1.0) < 0.1 ? 0.0F : 3.0F;
+    }
+    DirectionWeights weights{random() % 2 == 0 ? GoalCost::kQuadratic : GoalCost::kAbsolute,
+                             uniform(0.0, 2.0), uniform(0.0, 1.0), uniform(0.0, 1.0),
+                             uniform(0.01, 0.3)};
+    const DirectionQuestion question{
+        uniform(-kPi, kPi), uniform(-kPi, kPi), uniform(-0.1, 0.1), -0.17, 0.18,
+        uniform(-0.2, 1.0)};
+    DirectionScratch scratch;
+    const auto plain =
+        cheapest_direction_rad(histogram, sectors, weights, question, scratch, &plain_cheapest);
+    none += plain ? 0 : 1;
+    of_sector += plain && *plain != question.goal_math_rad ? 1 : 0;
+    for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
+      if (is_available(kernel)) {
+        ASSERT_EQ(cheapest_direction_rad(histogram, sectors, weights, question, scratch,
+                                         step_kernels(kernel).cheapest),
+                  plain)
+            << name_of_kernel(kernel) << ", " << count << " sectors";
+      }
+    }
+  }
+  EXPECT_GT(of_sector, 1000);
+  EXPECT_GT(none, 50);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <limits>
 #include <numbers>
+#include <random>
 
 #include "local_planning/local_planning_setup.hpp"
 #include "local_planning/surroundings.hpp"
@@ -24,12 +25,13 @@ constexpr double kSpeed_mps = 40.0;
 std::variant<Flight, flight::NoPlan> flown(const map::Map& map,
                                            const std::vector<flight::Waypoint>& guide,
                                            const LocalOptions& options,
-                                           const StepModel& step_model = {}) {
+                                           const StepModel& step_model = {},
+                                           Kernel kernel = Kernel::kBest) {
   const auto vehicle = test::shipped_vehicle();
   SilentObserver observer;
   return fly_along(test::test_costs(map), vehicle, options, guide,
                    state_at_start(guide, kSpeed_mps, vehicle.limits), kSpeed_mps, step_model,
-                   observer);
+                   observer, kernel);
 }
 
 double least_clearance_m(const map::Map& map, const Flight& flight) {
@@ -227,6 +229,30 @@ TEST(LocalPlanner, BentGuideIsFlownWithinTheVehiclesLimits) {
   EXPECT_LE(distance_to_goal_m(flight, guide), 50.0);
   const double length_m = static_cast<double>(flight.steps.size()) * 0.05 * kSpeed_mps;
   EXPECT_LT(length_m, flight::length_m(guide) * 1.01);
+}
+
+TEST(LocalPlanner, AllKernelsFlyTheSameBytes) {
+  const auto seed = test::fresh_seed();
+  map::Map map = test::make_rough_map(220, 220, 30.0, seed, 25.0);
+  std::mt19937_64 random(seed);
+  for (auto& value : map.visibility.values()) {
+    value = static_cast<std::uint16_t>(random() % 65535);
+  }
+  test::finish_map(map);
+  const auto guide = test::stand_in_guide(map, {{1500, 1500}, {3300, 2600}, {5000, 5000}}, 50.0,
+                                          20.0, 30.0, 0.14, 15.24);
+  const LocalOptions options = test::shipped_local_options("local.passes=2");
+  const auto plain = flown(map, guide, options, {}, Kernel::kPlain);
+  ASSERT_TRUE(std::holds_alternative<Flight>(plain));
+  for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
+    if (!is_available(kernel)) {
+      continue;
+    }
+    const auto fast = flown(map, guide, options, {}, kernel);
+    ASSERT_TRUE(std::holds_alternative<Flight>(fast)) << name_of_kernel(kernel);
+    EXPECT_TRUE(is_same_bytes(std::get<Flight>(plain), std::get<Flight>(fast)))
+        << name_of_kernel(kernel);
+  }
 }
 
 TEST(LocalPlanner, SameQuestionGivesTheSameBytes) {

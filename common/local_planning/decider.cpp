@@ -1,0 +1,176 @@
+#include "local_planning/decider.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "base/angles.hpp"
+#include "base/elementary.hpp"
+
+namespace hedgehop::local_planning {
+namespace {
+
+using command_model::CommandModel;
+using command_model::ModelState;
+using command_model::StateTrigonometry;
+
+constexpr double kGoalDistanceMin_m = 50.0;  // in the climb towards the target
+constexpr double kReachMin_m =
+    100.0;  // the histogram looks at least this far when the goal is near
+constexpr double kGoAroundRadii =
+    3.5;  // of the turning circle, before the flight turns back to a goal
+constexpr double kFallbackReach_rad = 108.0 * kDegree_rad;
+
+double distance_m(double dx_m, double dy_m) { return std::sqrt(dx_m * dx_m + dy_m * dy_m); }
+
+}  // namespace
+
+Decider::Decider(const Surroundings& surroundings, const Guide& guide, const CommandModel& model,
+                 const LocalOptions& options, const HistogramOptions& histogram_options,
+                 double speed_mps, const ModelState& initial, Kernel kernel)
+    : guide_(guide),
+      model_(model),
+      options_(options),
+      sectors_(histogram_options.sectors),
+      cheapest_(kernel == Kernel::kPlain ? &plain_cheapest : step_kernels(kernel).cheapest),
+      speed_mps_(speed_mps),
+      disc_radius_m_(histogram_options.disc_radius_m),
+      tangent_min_(elementary::tan(options.climb_angle_min_rad)),
+      turn_max_(elementary::tan(model.bank_command_max_rad())) {
+  if (kernel == Kernel::kPlain) {
+    plain_.emplace(surroundings, histogram_options);
+  } else {
+    table_.emplace(surroundings, histogram_options, kernel);
+  }
+  if (options.climb_ahead.is_used) {
+    forecast_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
+                      options.climb_ahead, step_kernels(kernel));
+  }
+  heading_.reset(initial.heading_math_rad);
+  climb_.reset(elementary::atan(initial.climb_rate_mps / initial.speed_mps));
+}
+
+FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trigonometry) {
+  const flight::Limits& limits = model_.vehicle().limits;
+  const geo::MapPoint place{state.x_m, state.y_m};
+  const double speed_mps = state.speed_mps;
+  along_m_ = guide_.project(place, along_m_ - options_.projection_back_m,
+                            along_m_ + options_.projection_ahead_m);
+  const flight::Waypoint target = guide_.at(along_m_ + options_.look_ahead_m);
+  const double target_dx_m = target.x_m - state.x_m;
+  const double target_dy_m = target.y_m - state.y_m;
+  const double target_m = distance_m(target_dx_m, target_dy_m);
+  const double limit_tangent = limits.climb_rate_max_mps / speed_mps;
+  const double tangent_max = options_.climb_share * limit_tangent;
+
+  DirectionQuestion question;
+  question.heading_math_rad = state.heading_math_rad;
+  const double turn_radius_m = speed_mps * speed_mps / (kGravity_mps2 * turn_max_);
+  const double target_math_rad =
+      target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : state.heading_math_rad;
+  question.goal_math_rad =
+      is_going_around(state, trigonometry, turn_radius_m) ? outbound_rad_ : target_math_rad;
+  question.goal_tangent =
+      std::clamp((target.altitude_m - state.altitude_m) / std::max(target_m, kGoalDistanceMin_m),
+                 tangent_min_, tangent_max);
+  question.tangent_min = tangent_min_;
+  question.tangent_max = tangent_max;
+  const flight::Waypoint nearest = guide_.at(along_m_);
+  const double offset =
+      distance_m(nearest.x_m - state.x_m, nearest.y_m - state.y_m) / options_.corridor_m;
+  const double to_goal_m = distance_m(guide_.goal().x_m - state.x_m, guide_.goal().y_m - state.y_m);
+  question.polar_share =
+      to_goal_m < options_.goal_only_distance_m ? 0.0 : std::max(0.0, 1.0 - offset * offset);
+
+  // Ground beyond the goal is never flown over.
+  const double reach_m = is_outbound_ ? std::numeric_limits<double>::infinity()
+                                      : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
+  if (plain_) {
+    plain_->compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
+                    reach_m);
+  } else {
+    table_->compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
+                    reach_m);
+  }
+  const std::optional<double> chosen_rad =
+      cheapest_direction_rad(histogram_, sectors_, options_.weights, question, scratch_, cheapest_);
+
+  FlownStep step;
+  step.state = state;
+  double needed = std::max(
+      {tangent_min_, static_cast<double>(histogram_.tan_climb_near),
+       std::min(static_cast<double>(needed_towards(state.heading_math_rad)), tangent_max)});
+  step.command.speed_mps = speed_mps_;
+  if (chosen_rad) {
+    step.target_heading_math_rad = *chosen_rad;
+    step.command.heading_math_rad =
+        followed_heading_rad(*chosen_rad, state, kGravity_mps2 * trigonometry.tan_bank / speed_mps,
+                             static_cast<float>(tangent_max));
+    needed = std::max(needed, static_cast<double>(needed_towards(step.command.heading_math_rad)));
+  } else {
+    ++infeasible_decisions_;
+    step.target_heading_math_rad = least_climb_direction_rad(
+        histogram_, sectors_, state.heading_math_rad, question.goal_math_rad, kFallbackReach_rad);
+    step.command.heading_math_rad = step.target_heading_math_rad;
+    heading_.reset(state.heading_math_rad);
+    needed = limit_tangent;
+    step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
+  }
+  if (forecast_) {
+    const ClimbAhead ahead = forecast_->ahead(state, trigonometry, along_m_,
+                                              step.command.heading_math_rad, target_math_rad);
+    needed = std::max(needed, ahead.climb_rate_mps / speed_mps);
+    if (ahead.shortfall_rate_mps > limits.climb_rate_max_mps) {
+      step.command.speed_mps = std::clamp(
+          speed_mps * limits.climb_rate_max_mps / ahead.shortfall_rate_mps,
+          std::min(options_.slow_speed_mps, step.command.speed_mps), step.command.speed_mps);
+    }
+  }
+  needed = std::clamp(needed, tangent_min_, limit_tangent);
+
+  climb_.step(elementary::atan(std::max(question.goal_tangent, needed)),
+              elementary::atan(state.climb_rate_mps / speed_mps),
+              state.vertical_acceleration_mps2 / speed_mps, options_.climb_indicator,
+              options_.step_s);
+  const double followed = elementary::tan(
+      std::clamp(climb_.angle_rad, options_.climb_angle_min_rad, 0.25 * std::numbers::pi));
+  const double tangent = std::clamp(std::max(followed, needed), tangent_min_, limit_tangent);
+  step.commanded_climb_angle_rad = elementary::atan(tangent);
+  step.command.climb_rate_mps = speed_mps * tangent;
+  return step;
+}
+
+// A goal that was passed too far aside lies within the turning circle: flying towards it would
+// orbit it forever. Straight on until it can be reached, then back.
+bool Decider::is_going_around(const ModelState& state, const StateTrigonometry& trigonometry,
+                              double turn_radius_m) {
+  const double dx_m = guide_.goal().x_m - state.x_m;
+  const double dy_m = guide_.goal().y_m - state.y_m;
+  const double goal_m = distance_m(dx_m, dy_m);
+  const double ahead_m = dx_m * trigonometry.cos_heading + dy_m * trigonometry.sin_heading;
+  const bool is_missed = along_m_ >= guide_.length_m() - kGoalDistanceMin_m && ahead_m <= 0.0 &&
+                         goal_m > options_.goal_radius_m && goal_m < 2.0 * turn_radius_m;
+  if (is_missed && !is_outbound_) {
+    is_outbound_ = true;
+    outbound_rad_ = state.heading_math_rad;
+  } else if (is_outbound_ && goal_m > kGoAroundRadii * turn_radius_m) {
+    is_outbound_ = false;
+  }
+  return is_outbound_;
+}
+
+double Decider::followed_heading_rad(double chosen_rad, const ModelState& state,
+                                     double turn_rate_radps, float tangent_max) {
+  heading_.step(chosen_rad, state.heading_math_rad, turn_rate_radps, options_.heading_indicator,
+                options_.step_s);
+  if (needed_towards(heading_.angle_rad) <= tangent_max) {
+    return heading_.angle_rad;
+  }
+  const std::optional<double> nearest_rad =
+      nearest_feasible_rad(histogram_, sectors_, heading_.angle_rad, tangent_max);
+  heading_.reset(state.heading_math_rad);
+  return nearest_rad.value_or(chosen_rad);
+}
+
+}  // namespace hedgehop::local_planning

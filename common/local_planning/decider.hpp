@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "command_model/command_model.hpp"
+#include "local_planning/climb_profile.hpp"
+#include "local_planning/direction.hpp"
+#include "local_planning/guide.hpp"
+#include "local_planning/histogram_table.hpp"
+#include "local_planning/indicator.hpp"
+#include "local_planning/local_planner.hpp"
+#include "local_planning/polar_histogram.hpp"
+#include "local_planning/surroundings.hpp"
+
+namespace hedgehop::local_planning {
+
+/// Decides the command of each step of one pass along a guide, see fly_along(). Holds references to
+/// what it is given.
+class Decider {
+ public:
+  Decider(const Surroundings& surroundings, const Guide& guide,
+          const command_model::CommandModel& model, const LocalOptions& options,
+          const HistogramOptions& histogram_options, double speed_mps,
+          const command_model::ModelState& initial, Kernel kernel);
+
+  /// The next step; states must come in the order of the flight.
+  ///
+  /// @param trigonometry  of the state
+  FlownStep decide(const command_model::ModelState& state,
+                   const command_model::StateTrigonometry& trigonometry);
+
+  /// Where the flight is along the guide.
+  [[nodiscard]] double along_m() const { return along_m_; }
+  [[nodiscard]] std::int64_t infeasible_decisions() const { return infeasible_decisions_; }
+
+ private:
+  bool is_going_around(const command_model::ModelState& state,
+                       const command_model::StateTrigonometry& trigonometry, double turn_radius_m);
+  [[nodiscard]] float needed_towards(double heading_rad) const {
+    return histogram_.tan_masked[static_cast<std::size_t>(sectors_.of_angle(heading_rad))];
+  }
+  double followed_heading_rad(double chosen_rad, const command_model::ModelState& state,
+                              double turn_rate_radps, float tangent_max);
+
+  const Guide& guide_;
+  const command_model::CommandModel& model_;
+  const LocalOptions& options_;
+  Sectors sectors_;
+  std::optional<HistogramKernel> plain_;
+  std::optional<HistogramTable> table_;
+  int (*cheapest_)(const DirectionTask&);
+  std::optional<ClimbForecast> forecast_;
+  double speed_mps_;
+  double disc_radius_m_;
+  double tangent_min_;
+  double turn_max_;  // tangent of the steepest bank
+  double along_m_ = 0.0;
+  Indicator heading_;
+  Indicator climb_;
+  PolarHistogram histogram_;
+  DirectionScratch scratch_;
+  std::int64_t infeasible_decisions_ = 0;
+  bool is_outbound_ = false;
+  double outbound_rad_ = 0.0;
+};
+
+}  // namespace hedgehop::local_planning

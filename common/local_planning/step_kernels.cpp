@@ -1,0 +1,594 @@
+#include "local_planning/step_kernels.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "local_planning/step_kernels.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace hedgehop::local_planning::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using FloatTag = hn::CappedTag<float, kLanes>;
+using IntTag = hn::RebindToSigned<FloatTag>;
+using UintTag = hn::RebindToUnsigned<FloatTag>;
+using Floats = hn::Vec<FloatTag>;
+using FloatMask = hn::Mask<FloatTag>;
+
+constexpr float kNothing = -std::numeric_limits<float>::infinity();
+
+template <typename T>
+HWY_INLINE T* with_room(std::vector<T>& memory, std::size_t count) {
+  if (memory.size() < count) {
+    memory.resize(count);
+  }
+  return memory.data();
+}
+
+// N / max(d - r, eps) above, N / (d + r) else; adding zero makes -0 a +0.
+HWY_INLINE Floats tangent_of(Floats too_high, Floats distance, Floats disc, Floats near) {
+  const FloatTag tag;
+  const Floats zero = hn::Zero(tag);
+  const Floats run = hn::IfThenElse(hn::Gt(too_high, zero), hn::Max(hn::Sub(distance, disc), near),
+                                    hn::Add(distance, disc));
+  return hn::Add(hn::Div(too_high, run), zero);
+}
+
+// Tangents and shares of all cells; tangents of the arc mask with their sectors, in no order.
+// Returns how many of the latter there are.
+template <bool kHasReach>
+HWY_INLINE std::size_t scan_rows(const HistogramTask& task, float* HWY_RESTRICT tangents,
+                                 std::uint64_t* HWY_RESTRICT shares,
+                                 std::int32_t* HWY_RESTRICT mask_sectors,
+                                 float* HWY_RESTRICT mask_tangents) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const UintTag uint_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const PolarConstants& c = *task.constants;
+  const PolarQuestion& q = *task.question;
+  const Floats zero = hn::Zero(tag);
+  const Floats one = hn::Set(tag, 1.0F);
+  const Floats half = hn::Set(tag, 0.5F);
+  const Floats floor = hn::Set(tag, q.floor_m);
+  const Floats disc = hn::Set(tag, c.disc);
+  const Floats near = hn::Set(tag, c.near);
+  const Floats inverse_window2 = hn::Set(tag, c.inverse_window2);
+  const Floats weight_scale = hn::Set(tag, c.weight_scale);
+  const Floats risk_scale = hn::Set(tag, c.risk_scale);
+  const Floats heading = hn::Set(tag, q.heading_rad);
+  const float* HWY_RESTRICT distances = task.table->distance_m.data();
+  const float* HWY_RESTRICT azimuths = task.table->azimuth_rad.data();
+  std::size_t found = 0;
+  std::size_t at = 0;
+  for (const PolarRow& row : task.table->rows) {
+    const float* HWY_RESTRICT surface = task.surface_m + row.first;
+    const float* HWY_RESTRICT risks = task.risk + row.first;
+    for (int i = 0; i < row.vectors * kLanes; i += lanes, at += static_cast<std::size_t>(lanes)) {
+      const Floats d = hn::LoadU(tag, distances + at);
+      const Floats too_high = hn::Sub(hn::LoadU(tag, surface + i), floor);
+      Floats tangent = tangent_of(too_high, d, disc, near);
+      const Floats share = hn::Max(hn::Sub(one, hn::Mul(hn::Mul(d, d), inverse_window2)), zero);
+      Floats weight = hn::Add(hn::Mul(share, weight_scale), half);
+      Floats risk = hn::Add(hn::Mul(hn::Mul(share, hn::LoadU(tag, risks + i)), risk_scale), half);
+      const Floats turned = hn::Sub(hn::LoadU(tag, azimuths + at), heading);
+      const Floats turned_abs = hn::Abs(turned);
+      const Floats off = hn::Min(turned_abs, hn::Sub(hn::Set(tag, kTwoPi_f), turned_abs));
+      const FloatMask is_beyond = hn::Gt(d, disc);
+      FloatMask is_out = hn::And(hn::And(hn::Lt(d, hn::Set(tag, c.truncation_distance)),
+                                         hn::Gt(off, hn::Set(tag, c.truncation_angle))),
+                                 is_beyond);
+      if constexpr (kHasReach) {
+        is_out = hn::Or(is_out, hn::Gt(d, hn::Set(tag, q.reach_m)));
+      }
+      tangent = hn::IfThenElse(is_out, hn::Set(tag, kNothing), tangent);
+      weight = hn::IfThenZeroElse(is_out, weight);
+      risk = hn::IfThenZeroElse(is_out, risk);
+      hn::StoreU(tangent, tag, tangents + at);
+      hn::StoreInterleaved2(hn::BitCast(uint_tag, hn::ConvertTo(int_tag, weight)),
+                            hn::BitCast(uint_tag, hn::ConvertTo(int_tag, risk)), uint_tag,
+                            reinterpret_cast<std::uint32_t*>(shares + at));
+
+      const FloatMask is_ahead = hn::And(hn::And(hn::Lt(off, hn::Set(tag, kQuarterPi_f)),
+                                                 hn::Ge(off, hn::Set(tag, kStraightAhead_rad))),
+                                         hn::AndNot(is_out, is_beyond));
+      if (hn::AllFalse(tag, is_ahead)) {
+        continue;
+      }
+      const Floats off2 = hn::Mul(off, off);
+      Floats series = hn::Set(tag, kArcSeries[5]);
+#pragma GCC unroll 5
+      for (int power = 4; power >= 0; --power) {
+        series = hn::Add(hn::Mul(series, off2), hn::Set(tag, kArcSeries[power]));
+      }
+      const Floats arc = hn::Mul(d, hn::Add(hn::Mul(series, off2), one));
+      const Floats bend = hn::Sub(one, hn::Mul(off, hn::Set(tag, kFourOverPi_f)));
+      const Floats arc_max =
+          hn::Add(hn::Set(tag, q.arc_max), hn::Mul(hn::Set(tag, q.arc_spread), bend));
+      const FloatMask is_masking =
+          hn::And(is_ahead, hn::And(hn::Ge(arc, hn::Mul(off, hn::Set(tag, q.arc_min))),
+                                    hn::Le(arc, hn::Mul(off, arc_max))));
+      if (hn::AllFalse(tag, is_masking)) {
+        continue;
+      }
+      const FloatMask is_right =
+          hn::Xor(hn::Gt(turned, zero), hn::Lt(turned_abs, hn::Set(tag, kPi_f)));
+      const Floats twice = hn::Add(off, off);
+      const Floats led_to = hn::Add(heading, hn::IfThenElse(is_right, hn::Neg(twice), twice));
+      const auto index = hn::ConvertTo(
+          int_tag, hn::Floor(hn::Add(hn::Mul(led_to, hn::Set(tag, c.sectors_per_rad)), half)));
+      const auto count = hn::Set(int_tag, task.sectors);
+      const auto is_below = hn::Lt(index, hn::Zero(int_tag));
+      const auto is_above = hn::Not(hn::Lt(index, count));
+      const auto sector = hn::IfThenElse(is_below, hn::Add(index, count),
+                                         hn::IfThenElse(is_above, hn::Sub(index, count), index));
+      hn::CompressStore(sector, hn::RebindMask(int_tag, is_masking), int_tag, mask_sectors + found);
+      hn::CompressStore(tangent_of(too_high, arc, disc, near), is_masking, tag,
+                        mask_tangents + found);
+      found += hn::CountTrue(tag, is_masking);
+    }
+  }
+  return found;
+}
+
+// Windows of the widest sort are resolved into two of the next one, and so on.
+HWY_INLINE void resolve_windows(const HistogramTask& task, float* HWY_RESTRICT windows,
+                                float* HWY_RESTRICT wide) {
+  const FloatTag tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int padded = padded_to_lanes(task.sectors);
+  for (int i = 0; i + 1 < task.width_count; ++i) {
+    const float* HWY_RESTRICT from = windows + static_cast<std::ptrdiff_t>(i) * padded;
+    float* HWY_RESTRICT to = windows + static_cast<std::ptrdiff_t>(i + 1) * padded;
+    for (int k = 0; k < padded; k += lanes) {
+      hn::StoreU(hn::LoadU(tag, from + k), tag, wide + k);
+    }
+    for (int k = 0; k < padded; k += lanes) {
+      hn::StoreU(hn::LoadU(tag, from + k), tag, wide + task.sectors + k);
+    }
+    const float* HWY_RESTRICT shifted = wide + task.sectors - (task.widths[i] - task.widths[i + 1]);
+    for (int k = 0; k < padded; k += lanes) {
+      const Floats greatest = hn::Max(hn::LoadU(tag, from + k), hn::LoadU(tag, shifted + k));
+      hn::StoreU(hn::Max(hn::LoadU(tag, to + k), greatest), tag, to + k);
+    }
+  }
+}
+
+// Algorithm 1 on both sides of the heading: `wide` is what each sector takes, from the heading on.
+HWY_INLINE void mask_sectors_aside(const HistogramTask& task, float* HWY_RESTRICT wide) {
+  const FloatTag tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int count = task.sectors;
+  const int padded = padded_to_lanes(count);
+  const int last = (count - 1) / 2;
+  // Arcs turn by less than 90 degrees.
+  const int reach = std::min(last, count / 4 + 2);
+  float left = kNothing;
+  float right = kNothing;
+  wide[0] = kNothing;
+  int k_left = task.heading_sector;
+  int k_right = task.heading_sector;
+  int i = 1;
+  for (; i <= reach; ++i) {
+    k_left = k_left + 1 == count ? 0 : k_left + 1;
+    k_right = k_right == 0 ? count - 1 : k_right - 1;
+    left = std::max(left, task.tan_mask[k_left]);
+    right = std::max(right, task.tan_mask[k_right]);
+    wide[i] = left;
+    wide[count - i] = right;
+  }
+  for (; i <= last; ++i) {
+    wide[i] = left;
+    wide[count - i] = right;
+  }
+  if (count % 2 == 0) {
+    wide[count / 2] = std::min(left, right);
+  }
+  for (int k = 0; k < padded; k += lanes) {
+    hn::StoreU(hn::LoadU(tag, wide + k), tag, wide + count + k);
+  }
+  const float* HWY_RESTRICT turned = wide + count - task.heading_sector;
+  for (int k = 0; k < padded; k += lanes) {
+    hn::StoreU(hn::Max(hn::LoadU(tag, task.tan_climb + k), hn::LoadU(tag, turned + k)), tag,
+               task.tan_masked + k);
+  }
+  for (int k = count; k < padded; ++k) {
+    task.tan_masked[k] = std::numeric_limits<float>::infinity();
+  }
+}
+
+void histogram_kernel(HistogramTask& task, HistogramScratch& scratch) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const PolarConstants& c = *task.constants;
+  const PolarTable& table = *task.table;
+  const int count = task.sectors;
+  const auto padded = static_cast<std::size_t>(padded_to_lanes(count));
+  const std::size_t cells = table.distance_m.size();
+  const std::size_t slots = static_cast<std::size_t>(task.width_count) * padded;
+  float* HWY_RESTRICT tangents = with_room(scratch.tangents, cells);
+  std::uint64_t* HWY_RESTRICT shares = with_room(scratch.shares, cells);
+  float* HWY_RESTRICT windows = with_room(scratch.windows, slots);
+  float* HWY_RESTRICT wide = with_room(scratch.wide, 2 * padded + 2 * kLanes);
+  std::uint64_t* HWY_RESTRICT differences = with_room(scratch.differences, padded + kLanes);
+  std::int32_t* HWY_RESTRICT mask_sectors = with_room(scratch.mask_sectors, cells + kLanes);
+  float* HWY_RESTRICT mask_tangents = with_room(scratch.mask_tangents, cells + kLanes);
+
+  const std::size_t masking =
+      task.question->reach_m < static_cast<float>(c.window_m)
+          ? scan_rows<true>(task, tangents, shares, mask_sectors, mask_tangents)
+          : scan_rows<false>(task, tangents, shares, mask_sectors, mask_tangents);
+
+  const Floats nothing = hn::Set(tag, kNothing);
+  for (std::size_t i = 0; i < slots; i += static_cast<std::size_t>(lanes)) {
+    hn::StoreU(nothing, tag, windows + i);
+  }
+  for (std::size_t i = 0; i < padded; i += static_cast<std::size_t>(lanes)) {
+    hn::StoreU(nothing, tag, task.tan_mask + i);
+  }
+  std::fill_n(differences, padded + 1, 0);
+  for (const PolarEntry& entry : table.entries) {
+    windows[entry.slot] = std::max(windows[entry.slot], tangents[entry.cell]);
+    const std::uint64_t share = shares[entry.cell];
+    differences[entry.low] += share;
+    differences[entry.end] -= share;
+  }
+  for (const PolarSlot& slot : table.further) {
+    windows[slot.slot] = std::max(windows[slot.slot], tangents[slot.cell]);
+  }
+  std::uint64_t sum = 0;
+  for (const std::uint16_t cell : table.wrapped) {
+    sum += shares[cell];
+  }
+  float climb_near = kNothing;
+  for (const std::uint16_t cell : table.near) {
+    sum += shares[cell];
+    climb_near = std::max(climb_near, tangents[cell]);
+  }
+  task.tan_climb_near = climb_near;
+  for (std::size_t i = 0; i < masking; ++i) {
+    float& mask = task.tan_mask[mask_sectors[i]];
+    mask = std::max(mask, mask_tangents[i]);
+  }
+
+  resolve_windows(task, windows, wide);
+  const float* HWY_RESTRICT narrow = windows + slots - padded;
+  for (std::size_t k = 0; k < padded; k += static_cast<std::size_t>(lanes)) {
+    hn::StoreU(hn::LoadU(tag, narrow + k), tag, task.tan_climb + k);
+  }
+  for (std::size_t k = static_cast<std::size_t>(count); k < padded; ++k) {
+    task.tan_climb[k] = kNothing;
+  }
+  mask_sectors_aside(task, wide);
+
+  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+    sum += differences[k];
+    differences[k] = sum;
+  }
+  std::fill(differences + count, differences + padded, 0);
+  const Floats zero = hn::Zero(tag);
+  const Floats weight_unit = hn::Set(tag, 1.0F / c.weight_scale);
+  const Floats risk_max = hn::Set(tag, c.risk_max);
+  for (std::size_t k = 0; k < padded; k += static_cast<std::size_t>(lanes)) {
+    hn::Vec<IntTag> weights;
+    hn::Vec<IntTag> risks;
+    hn::LoadInterleaved2(int_tag, reinterpret_cast<const std::int32_t*>(differences + k), weights,
+                         risks);
+    const Floats weight = hn::ConvertTo(tag, weights);
+    const Floats risk = hn::Mul(hn::Div(hn::ConvertTo(tag, risks), weight), risk_max);
+    hn::StoreU(hn::IfThenElseZero(hn::Gt(weight, zero), risk), tag, task.risk_of_sectors + k);
+    hn::StoreU(hn::Mul(weight, weight_unit), tag, task.risk_weight + k);
+  }
+}
+
+// The shorter way between two angles in [0, 2 pi).
+HWY_INLINE Floats apart(Floats a, Floats b) {
+  const FloatTag tag;
+  const Floats difference = hn::Abs(hn::Sub(a, b));
+  return hn::Min(difference, hn::Sub(hn::Set(tag, kTwoPi_f), difference));
+}
+
+int cheapest_kernel(const DirectionTask& task) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  constexpr int kVectors = static_cast<int>(kLanes / hn::MaxLanes(FloatTag()));
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int padded = padded_to_lanes(task.sectors);
+  const Floats zero = hn::Zero(tag);
+  Floats sums[kVectors];
+  std::size_t known = 0;
+  for (int v = 0; v < kVectors; ++v) {
+    sums[v] = zero;
+  }
+  for (int k = 0; k < padded; k += kLanes) {
+#pragma GCC unroll 4
+    for (int v = 0; v < kVectors; ++v) {
+      const int at = k + v * lanes;
+      const Floats tangent =
+          hn::Min(hn::Max(hn::LoadU(tag, task.tan_masked + at), hn::Set(tag, task.tangent_min)),
+                  hn::Set(tag, task.tangent_max));
+      const Floats above = hn::Max(hn::Sub(tangent, hn::Set(tag, task.goal_tangent)), zero);
+      const Floats polar = hn::Add(hn::Add(hn::LoadU(tag, task.risk + at),
+                                           hn::Mul(hn::Set(tag, task.climb_weight), tangent)),
+                                   hn::Mul(hn::Set(tag, task.climb_relative_weight), above));
+      const FloatMask is_known = hn::Gt(hn::LoadU(tag, task.risk_weight + at), zero);
+      sums[v] = hn::Add(sums[v], hn::IfThenElseZero(is_known, polar));
+      known += hn::CountTrue(tag, is_known);
+      hn::StoreU(polar, tag, task.polar + at);
+    }
+  }
+  HWY_ALIGN float partial[kLanes];
+  for (int v = 0; v < kVectors; ++v) {
+    hn::Store(sums[v], tag, partial + v * lanes);
+  }
+  for (int width = kLanes / 2; width > 0; width /= 2) {
+    for (int i = 0; i < width; ++i) {
+      partial[i] += partial[i + width];
+    }
+  }
+  const float mean = known > 0 ? partial[0] / static_cast<float>(known) : 0.0F;
+
+  const Floats heading = hn::Set(tag, task.heading_rad);
+  const Floats goal = hn::Set(tag, task.goal_rad);
+  const Floats share = hn::Set(tag, task.polar_share);
+  const Floats means = hn::Set(tag, mean);
+  const Floats offset = hn::Set(tag, task.polar_offset);
+  const auto extra_of = [&](Floats off, Floats polar, Floats weight) {
+    const Floats cube = hn::Add(hn::Mul(hn::Mul(off, off), off), offset);
+    const Floats extra = hn::Div(hn::Mul(share, hn::Sub(polar, means)), cube);
+    return hn::IfThenElseZero(hn::And(hn::Gt(weight, zero), hn::Gt(share, zero)), extra);
+  };
+  Floats best = hn::Set(tag, std::numeric_limits<float>::infinity());
+  auto best_at = hn::Set(int_tag, kNoDirection);
+  auto index = hn::Iota(int_tag, 0);
+  const auto step = hn::Set(int_tag, lanes);
+  const FloatMask is_quadratic = hn::Gt(hn::Set(tag, task.is_quadratic ? 1.0F : 0.0F), zero);
+  for (int k = 0; k < padded; k += lanes) {
+    const Floats centre = hn::LoadU(tag, task.centre_rad + k);
+    const Floats off_goal = apart(centre, goal);
+    const Floats goal_cost =
+        hn::Mul(hn::Set(tag, task.goal_weight),
+                hn::IfThenElse(is_quadratic, hn::Mul(off_goal, off_goal), off_goal));
+    const Floats cost =
+        hn::Add(goal_cost, extra_of(apart(centre, heading), hn::LoadU(tag, task.polar + k),
+                                    hn::LoadU(tag, task.risk_weight + k)));
+    const FloatMask is_better =
+        hn::And(hn::Lt(cost, best),
+                hn::Le(hn::LoadU(tag, task.tan_masked + k), hn::Set(tag, task.tangent_max)));
+    best = hn::IfThenElse(is_better, cost, best);
+    best_at = hn::IfThenElse(hn::RebindMask(int_tag, is_better), index, best_at);
+    index = hn::Add(index, step);
+  }
+  const Floats least = hn::MinOfLanes(tag, best);
+  const float least_cost = hn::GetLane(least);
+  int chosen = kNoDirection;
+  if (least_cost < std::numeric_limits<float>::infinity()) {
+    const auto is_least = hn::RebindMask(int_tag, hn::Eq(best, least));
+    chosen = hn::GetLane(
+        hn::MinOfLanes(int_tag, hn::IfThenElse(is_least, best_at, hn::Set(int_tag, task.sectors))));
+  }
+  if (task.tan_masked[task.goal_sector] <= task.tangent_max) {
+    const Floats extra = extra_of(apart(goal, heading), hn::Set(tag, task.polar[task.goal_sector]),
+                                  hn::Set(tag, task.risk_weight[task.goal_sector]));
+    if (chosen == kNoDirection || !(least_cost < hn::GetLane(extra))) {
+      return kGoalDirection;
+    }
+  }
+  return chosen;
+}
+
+// Sine and cosine of angles within a few turns, to 1e-6.
+HWY_INLINE void sine_cosine(Floats angle, Floats& sine, Floats& cosine) {
+  const FloatTag tag;
+  const auto constant = [&](float value) { return hn::Set(tag, value); };
+  const Floats turns =
+      hn::Floor(hn::Add(hn::Mul(angle, constant(1.0F / kTwoPi_f)), constant(0.5F)));
+  // A quarter of the angle, then doubled twice.
+  const Floats x = hn::Mul(hn::Sub(angle, hn::Mul(turns, constant(kTwoPi_f))), constant(0.25F));
+  const Floats x2 = hn::Mul(x, x);
+  Floats s = hn::Add(hn::Mul(constant(1.0F / 362880.0F), x2), constant(-1.0F / 5040.0F));
+  s = hn::Add(hn::Mul(s, x2), constant(1.0F / 120.0F));
+  s = hn::Add(hn::Mul(s, x2), constant(-1.0F / 6.0F));
+  s = hn::Add(x, hn::Mul(x, hn::Mul(s, x2)));
+  Floats c = hn::Add(hn::Mul(constant(1.0F / 40320.0F), x2), constant(-1.0F / 720.0F));
+  c = hn::Add(hn::Mul(c, x2), constant(1.0F / 24.0F));
+  c = hn::Add(hn::Mul(c, x2), constant(-0.5F));
+  c = hn::Add(hn::Mul(c, x2), constant(1.0F));
+#pragma GCC unroll 2
+  for (int i = 0; i < 2; ++i) {
+    const Floats twice = hn::Add(s, s);
+    const Floats double_cosine = hn::Sub(constant(1.0F), hn::Mul(twice, s));
+    s = hn::Mul(twice, c);
+    c = double_cosine;
+  }
+  sine = s;
+  cosine = c;
+}
+
+void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int padded = padded_to_lanes(task.samples);
+  const auto room = static_cast<std::size_t>(padded) + 1;
+  float* HWY_RESTRICT bearing = with_room(scratch, 5 * room);
+  float* HWY_RESTRICT guide_rise = bearing + room;
+  float* HWY_RESTRICT middle = guide_rise + room;
+  float* HWY_RESTRICT forward = middle + room;
+  float* HWY_RESTRICT leftward = forward + room;
+
+  const auto constant = [&](float value) { return hn::Set(tag, value); };
+  const Floats zero = hn::Zero(tag);
+  const Floats last = constant(static_cast<float>(task.table_count - 2));
+  const auto count_from_one = [&](int i) {
+    return hn::Add(hn::Iota(tag, 1.0F), constant(static_cast<float>(i)));
+  };
+  // The guide at the samples.
+  for (int i = 0; i < padded; i += lanes) {
+    const Floats at = hn::Add(constant(task.from_in_table),
+                              hn::Mul(constant(task.step_in_table), count_from_one(i)));
+    const Floats whole = hn::Min(hn::Floor(at), last);
+    const Floats share = hn::Sub(at, whole);
+    const auto index = hn::ConvertTo(int_tag, whole);
+    const auto next = hn::Add(index, hn::Set(int_tag, 1));
+    const auto between = [&](const float* table) {
+      const Floats low = hn::GatherIndex(tag, table, index);
+      return hn::Add(low, hn::Mul(share, hn::Sub(hn::GatherIndex(tag, table, next), low)));
+    };
+    hn::StoreU(between(task.bearing_rad), tag, bearing + i);
+    hn::StoreU(hn::Sub(between(task.altitude_m), constant(task.guide_floor_m)), tag,
+               guide_rise + i);
+  }
+  // The turn; headings are relative to the present one.
+  const float turn_max = task.roll_share * task.turn_max_radps;
+  const float pull = task.roll_share * task.gain;
+  const float keep = 1.0F - task.roll_share;
+  const float half_s = 0.5F * task.sample_s;
+  const float ahead = task.wanted_rad - task.beside_rad - task.bearing_now_rad;
+  float heading = 0.0F;
+  float turn = task.turn_radps;
+  float wanted = task.wanted_rad;
+  float beside = task.beside_rad;
+  for (int i = 0; i < task.samples; ++i) {
+    const float wanted_turn = std::min(std::max(pull * (wanted - heading), -turn_max), turn_max);
+    middle[i] = heading + half_s * turn;
+    heading += task.sample_s * turn;
+    turn = keep * turn + wanted_turn;
+    beside *= task.fading;
+    wanted = ahead + bearing[i] + beside;
+  }
+  std::fill(middle + task.samples, middle + padded, 0.0F);
+  for (int i = 0; i < padded; i += lanes) {
+    Floats sine;
+    Floats cosine;
+    sine_cosine(hn::LoadU(tag, middle + i), sine, cosine);
+    hn::StoreU(cosine, tag, forward + i);
+    hn::StoreU(sine, tag, leftward + i);
+  }
+  for (int i = 1; i < padded; ++i) {
+    forward[i] += forward[i - 1];
+    leftward[i] += leftward[i - 1];
+  }
+  // What the ground below them asks for.
+  const Floats a = constant(task.acceleration_mps2);
+  const Floats rate_max = constant(task.rate_max_mps);
+  Floats greatest = constant(task.rate_min_mps);
+  Floats greatest_later = greatest;
+  for (int i = 0; i < padded; i += lanes) {
+    const Floats number = count_from_one(i);
+    const Floats x = hn::LoadU(tag, forward + i);
+    const Floats y = hn::LoadU(tag, leftward + i);
+    const Floats east =
+        hn::Sub(hn::Mul(x, constant(task.east_cells)), hn::Mul(y, constant(task.north_cells)));
+    const Floats north =
+        hn::Add(hn::Mul(x, constant(task.north_cells)), hn::Mul(y, constant(task.east_cells)));
+    const auto cell_of = [&](Floats away, float part, int from, int count) {
+      const auto cell = hn::Add(hn::ConvertTo(int_tag, hn::Floor(hn::Add(away, constant(part)))),
+                                hn::Set(int_tag, from));
+      return hn::Min(hn::Max(cell, hn::Zero(int_tag)), hn::Set(int_tag, count - 1));
+    };
+    const auto column = cell_of(east, task.part_of_column, task.column, task.columns);
+    const auto row = cell_of(north, task.part_of_row, task.row, task.rows);
+    const auto cell = hn::Add(hn::Mul(row, hn::Set(int_tag, task.columns)), column);
+    const Floats ground_rise =
+        hn::Sub(hn::GatherIndex(tag, task.dilated_m, cell), constant(task.floor_m));
+    const Floats rise = hn::Max(ground_rise, hn::LoadU(tag, guide_rise + i));
+    const Floats time = hn::Mul(number, constant(task.sample_s));
+    const Floats climb_rate = constant(task.climb_rate_mps);
+    const Floats missing = hn::Sub(rise, hn::Mul(climb_rate, time));
+    const Floats free = hn::Sub(time, constant(task.response_s));
+    const Floats root = hn::Sub(hn::Mul(free, free), hn::Div(hn::Add(missing, missing), a));
+    const Floats climbing =
+        hn::Add(climb_rate, hn::Mul(a, hn::Sub(free, hn::Sqrt(hn::Max(root, zero)))));
+    const FloatMask is_hopeless = hn::Or(hn::Le(free, zero), hn::Lt(root, zero));
+    const Floats rate = hn::IfThenElse(hn::Le(missing, zero), hn::Div(rise, time),
+                                       hn::IfThenElse(is_hopeless, rate_max, climbing));
+    const FloatMask is_valid = hn::And(
+        hn::Le(number, constant(static_cast<float>(task.samples))),
+        hn::Le(hn::Add(constant(task.from_in_table), hn::Mul(constant(task.step_in_table), number)),
+               constant(task.end_in_table)));
+    greatest = hn::IfThenElse(is_valid, hn::Max(greatest, rate), greatest);
+    greatest_later = hn::IfThenElse(hn::And(is_valid, hn::Ge(time, constant(kBrakingHelpsAfter_s))),
+                                    hn::Max(greatest_later, rate), greatest_later);
+  }
+  task.greatest_mps = hn::GetLane(hn::MaxOfLanes(tag, greatest));
+  task.greatest_later_mps = hn::GetLane(hn::MaxOfLanes(tag, greatest_later));
+}
+
+}  // namespace hedgehop::local_planning::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace hedgehop::local_planning {
+namespace {
+
+HWY_EXPORT(histogram_kernel);
+HWY_EXPORT(cheapest_kernel);
+HWY_EXPORT(forecast_kernel);
+
+constexpr std::int64_t kAvx512Targets = HWY_AVX3 | HWY_AVX3_DL;
+
+std::int64_t usable_targets() { return hwy::SupportedTargets() & HWY_TARGETS; }
+
+void best_histogram(HistogramTask& task, HistogramScratch& scratch) {
+  HWY_DYNAMIC_DISPATCH(histogram_kernel)(task, scratch);
+}
+
+void best_forecast(ForecastTask& task, std::vector<float>& scratch) {
+  HWY_DYNAMIC_DISPATCH(forecast_kernel)(task, scratch);
+}
+
+int best_cheapest(const DirectionTask& task) { return HWY_DYNAMIC_DISPATCH(cheapest_kernel)(task); }
+
+}  // namespace
+
+bool is_available(Kernel kernel) {
+  switch (kernel) {
+    case Kernel::kAvx2:
+      return (usable_targets() & HWY_AVX2) != 0;
+    case Kernel::kAvx512:
+      return (usable_targets() & kAvx512Targets) != 0;
+    case Kernel::kBest:
+    case Kernel::kPlain:
+      break;
+  }
+  return true;
+}
+
+const char* name_of_kernel(Kernel kernel) {
+  switch (kernel) {
+    case Kernel::kPlain:
+      return "plain";
+    case Kernel::kAvx2:
+      return "avx2";
+    case Kernel::kAvx512:
+      return "avx512";
+    case Kernel::kBest:
+      break;
+  }
+  if (is_available(Kernel::kAvx512)) {
+    return "avx512";
+  }
+  return is_available(Kernel::kAvx2) ? "avx2"
+                                     : hwy::TargetName(usable_targets() & -usable_targets());
+}
+
+StepKernels step_kernels(Kernel kernel) {
+  if (!is_available(kernel)) {
+    throw std::invalid_argument("this processor lacks the instructions asked for");
+  }
+#if (HWY_TARGETS & HWY_AVX2) && HWY_TARGETS != HWY_AVX2
+  if (kernel == Kernel::kAvx2) {
+    return {&N_AVX2::histogram_kernel, &N_AVX2::cheapest_kernel, &N_AVX2::forecast_kernel};
+  }
+#endif
+  return {&best_histogram, &best_cheapest, &best_forecast};
+}
+
+}  // namespace hedgehop::local_planning
+#endif
