@@ -13,6 +13,7 @@
 #include "base/shipped_config.hpp"
 #include "evaluate_local.hpp"
 #include "evaluate_optimality.hpp"
+#include "evaluate_speed.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
@@ -211,10 +212,12 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       "  hedgehop evaluate protection --map map --json\n"
       "  hedgehop evaluate table2 --map map --routes routes --json\n"
       "  hedgehop evaluate local-safety --map map --routes routes --json\n"
+      "  hedgehop evaluate local-speed --json\n"
       "  hedgehop evaluate optimality --map map --problems 5 --json");
   add_protection_verb(*verb, console);
   add_local_evaluation_verbs(*verb, console);
   add_optimality_verb(*verb, console);
+  add_local_speed_verb(*verb, console);
 
   auto* random = verb->add_subcommand(
       "random", "Plan problems with random start and goal, with the weights and with zero weights");

@@ -8,6 +8,7 @@ namespace {
 
 constexpr int kCellsMax = 60000;
 constexpr std::size_t kInterleaved = 512;
+constexpr int kCellsForWidth = 24;  // that make a width of windows worth resolving
 
 int cells_with_padding(const PolarConstants& constants) {
   const double side = 2.0 * std::ceil(constants.window_m / constants.cell_m) + 2.0;
@@ -16,8 +17,8 @@ int cells_with_padding(const PolarConstants& constants) {
 }
 
 // Neighbours go to the same sectors; stores to the same place in a row wait for each other.
-void interleave(std::vector<PolarEntry>& entries) {
-  std::vector<PolarEntry> from;
+void interleave(std::vector<std::uint64_t>& entries) {
+  std::vector<std::uint64_t> from;
   for (std::size_t begin = 0; begin < entries.size(); begin += kInterleaved) {
     const std::size_t count = std::min(kInterleaved, entries.size() - begin);
     from.assign(entries.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -71,7 +72,8 @@ void HistogramTable::choose_widths() {
   window_.assign(static_cast<std::size_t>(widest + 1), 0);
   for (int width = widest; width >= 1; --width) {
     const bool is_power_of_two = (width & (width - 1)) == 0;
-    if (is_power_of_two || cells[static_cast<std::size_t>(width)] * 6 > sectors.count()) {
+    if (is_power_of_two ||
+        cells[static_cast<std::size_t>(width)] > kCellsForWidth + sectors.count() / 5) {
       widths_.push_back(width);
     }
   }
@@ -126,9 +128,9 @@ const PolarTable& HistogramTable::table_at(const Viewpoint& view) {
         return static_cast<std::uint16_t>(static_cast<int>(index) * padded_to_lanes(count) +
                                           (first >= count ? first - count : first));
       };
-      table.entries.push_back({at, static_cast<std::uint16_t>(cell.low),
-                               static_cast<std::uint16_t>(end > count ? end - count : end),
-                               slot_of(cell.low)});
+      table.entries.push_back(PolarEntry::packed(
+          at, static_cast<std::uint64_t>(cell.low),
+          static_cast<std::uint64_t>(end > count ? end - count : end), slot_of(cell.low)));
       if (width < end - cell.low) {
         table.further.push_back({at, slot_of(end - width)});
       }

@@ -25,6 +25,10 @@ constexpr double kExtraTime_s = 60.0;
 constexpr double kPassSpacing_m = 50.0;  // of the guide that a pass leaves to the next one
 constexpr int kStepsBetweenReports = 64;
 
+double disc_radius_m(const LocalOptions& options, double cell_m) {
+  return options.safety_radius_m + 0.5 * std::numbers::sqrt2 * cell_m;
+}
+
 double distance_m(double dx_m, double dy_m) { return std::sqrt(dx_m * dx_m + dy_m * dy_m); }
 
 bool is_finite(const ModelState& state) {
@@ -93,7 +97,23 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
                  limits.climb_rate_max_mps));
 }
 
+Surroundings surroundings_of(const risk::CostModel& costs, const LocalOptions& options) {
+  return {costs, options.window_m, disc_radius_m(options, costs.map().geometry.cell_m),
+          options.semantics_weight, options.visibility_weight};
+}
+
 std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
+                                               const command_model::Vehicle& vehicle,
+                                               const LocalOptions& options,
+                                               const std::vector<flight::Waypoint>& guide,
+                                               const command_model::ModelState& initial,
+                                               double speed_mps, const StepModel& step_model,
+                                               Observer& observer, Kernel kernel) {
+  return fly_along(surroundings_of(costs, options), vehicle, options, guide, initial, speed_mps,
+                   step_model, observer, kernel);
+}
+
+std::variant<Flight, flight::NoPlan> fly_along(const Surroundings& surroundings,
                                                const command_model::Vehicle& vehicle,
                                                const LocalOptions& options,
                                                const std::vector<flight::Waypoint>& guide,
@@ -111,11 +131,6 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
   }
   const CommandModel model(vehicle);
   const CommandModel::StepConstants step_constants = model.step_constants(options.step_s);
-  const double disc_radius_m =
-      options.safety_radius_m + 0.5 * std::numbers::sqrt2 * costs.map().geometry.cell_m;
-  const Surroundings surroundings(costs, options.window_m, disc_radius_m, options.semantics_weight,
-                                  options.visibility_weight);
-
   Flight flight;
   flight.step_s = options.step_s;
   std::vector<flight::Waypoint> points = guide;
@@ -124,7 +139,7 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
     const double window_m = options.window_m - pass * options.window_shrink_m;
     const HistogramOptions histogram{window_m,
                                      options.sectors,
-                                     disc_radius_m,
+                                     disc_radius_m(options, surroundings.geometry().cell_m),
                                      options.safety_height_m,
                                      options.near_distance_m,
                                      options.truncation_angle_rad,

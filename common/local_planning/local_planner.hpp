@@ -14,6 +14,7 @@
 #include "local_planning/direction.hpp"
 #include "local_planning/indicator.hpp"
 #include "local_planning/step_kernels.hpp"
+#include "local_planning/surroundings.hpp"
 #include "risk/cost_model.hpp"
 
 namespace hedgehop::local_planning {
@@ -124,6 +125,19 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// @throws std::invalid_argument  for a guide or state that is not finite, a speed out of limits.
 /// @note  A function of its arguments alone, as far as `step_model` is one.
 std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
+                                               const command_model::Vehicle& vehicle,
+                                               const LocalOptions& options,
+                                               const std::vector<flight::Waypoint>& guide,
+                                               const command_model::ModelState& initial,
+                                               double speed_mps, const StepModel& step_model,
+                                               Observer& observer, Kernel kernel = Kernel::kBest);
+
+/// The layers that flights along any guide on a map share, for these options.
+Surroundings surroundings_of(const risk::CostModel& costs, const LocalOptions& options);
+
+/// The same for many flights on one map: `surroundings` come from surroundings_of() with options of
+/// the same window, safety radius and weights of the risk.
+std::variant<Flight, flight::NoPlan> fly_along(const Surroundings& surroundings,
                                                const command_model::Vehicle& vehicle,
                                                const LocalOptions& options,
                                                const std::vector<flight::Waypoint>& guide,

@@ -24,12 +24,12 @@ double pseudo_angle(double x, double y) {
   return share < 0.0 ? 4.0 + share : share;
 }
 
-// Power of two, so that the sum of one for each cell of the window stays below 2^30.
+// Power of two, at most 2^21, so that the sum of one for each cell of the window stays below 2^30.
 float fixed_point_scale(double window_m, double cell_m) {
   const double radius_cells = window_m / cell_m + 2.0;
   const double cells = std::numbers::pi * radius_cells * radius_cells;
   double scale = 1.0;
-  while (scale * cells < 536870912.0) {
+  while (scale * cells < 536870912.0 && scale < 2097152.0) {
     scale *= 2.0;
   }
   return static_cast<float>(scale);

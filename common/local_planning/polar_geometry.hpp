@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -89,6 +90,13 @@ struct PolarConstants {
   float risk_scale;
   float risk_max;
 };
+
+/// The nearest whole number of a value in [0, 2^22], ties to even.
+inline constexpr float kWholeShift = 8388608.0F;
+inline constexpr std::uint32_t kWholeShiftBits = 0x4b000000U;
+inline std::uint32_t nearest_whole(float value) {
+  return std::bit_cast<std::uint32_t>(value + kWholeShift) - kWholeShiftBits;
+}
 
 /// A cell as seen from a viewpoint.
 struct PolarCell {

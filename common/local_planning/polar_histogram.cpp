@@ -89,9 +89,8 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
       const float too_high_m = surface_m[column] - question.floor_m;  // N
       const float tangent = tangent_of(too_high_m, d_m, c.disc, c.near);
       const float share = std::max(1.0F - d_m * d_m * c.inverse_window2, 0.0F);
-      const auto weight = static_cast<std::int32_t>(share * c.weight_scale + 0.5F);
-      const auto weighted_risk =
-          static_cast<std::int32_t>(share * risk[column] * c.risk_scale + 0.5F);
+      const auto weight = nearest_whole(share * c.weight_scale);
+      const auto weighted_risk = nearest_whole(share * risk[column] * c.risk_scale);
       if (d_m <= c.disc) {
         histogram.tan_climb_near = std::max(histogram.tan_climb_near, tangent);
         risk_[0] += weighted_risk;

@@ -29,6 +29,13 @@ HWY_INLINE T* with_room(std::vector<T>& memory, std::size_t count) {
   return memory.data();
 }
 
+// The nearest whole number of values in [0, 2^22], like nearest_whole().
+HWY_INLINE hn::Vec<UintTag> whole(Floats value) {
+  const UintTag tag;
+  return hn::Sub(hn::BitCast(tag, hn::Add(value, hn::Set(FloatTag(), kWholeShift))),
+                 hn::Set(tag, kWholeShiftBits));
+}
+
 // N / max(d - r, eps) above, N / (d + r) else; adding zero makes -0 a +0.
 HWY_INLINE Floats tangent_of(Floats too_high, Floats distance, Floats disc, Floats near) {
   const FloatTag tag;
@@ -38,22 +45,18 @@ HWY_INLINE Floats tangent_of(Floats too_high, Floats distance, Floats disc, Floa
   return hn::Add(hn::Div(too_high, run), zero);
 }
 
-// Tangents and shares of all cells; tangents of the arc mask with their sectors, in no order.
-// Returns how many of the latter there are.
+// Tangents and shares of all cells; where in the rows there are cells ahead that may mask.
+// Returns how many such places there are.
 template <bool kHasReach>
 HWY_INLINE std::size_t scan_rows(const HistogramTask& task, float* HWY_RESTRICT tangents,
-                                 std::uint64_t* HWY_RESTRICT shares,
-                                 std::int32_t* HWY_RESTRICT mask_sectors,
-                                 float* HWY_RESTRICT mask_tangents) {
+                                 std::uint64_t* HWY_RESTRICT shares, PolarRow* HWY_RESTRICT ahead) {
   const FloatTag tag;
-  const IntTag int_tag;
   const UintTag uint_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const PolarConstants& c = *task.constants;
   const PolarQuestion& q = *task.question;
   const Floats zero = hn::Zero(tag);
   const Floats one = hn::Set(tag, 1.0F);
-  const Floats half = hn::Set(tag, 0.5F);
   const Floats floor = hn::Set(tag, q.floor_m);
   const Floats disc = hn::Set(tag, c.disc);
   const Floats near = hn::Set(tag, c.near);
@@ -61,76 +64,99 @@ HWY_INLINE std::size_t scan_rows(const HistogramTask& task, float* HWY_RESTRICT 
   const Floats weight_scale = hn::Set(tag, c.weight_scale);
   const Floats risk_scale = hn::Set(tag, c.risk_scale);
   const Floats heading = hn::Set(tag, q.heading_rad);
+  const Floats full_turn = hn::Set(tag, kTwoPi_f);
+  const Floats quarter_pi = hn::Set(tag, kQuarterPi_f);
+  const Floats truncation_distance = hn::Set(tag, c.truncation_distance);
+  const Floats truncation_angle = hn::Set(tag, c.truncation_angle);
+  const Floats reach = hn::Set(tag, q.reach_m);
+  const Floats nothing = hn::Set(tag, kNothing);
   const float* HWY_RESTRICT distances = task.table->distance_m.data();
   const float* HWY_RESTRICT azimuths = task.table->azimuth_rad.data();
   std::size_t found = 0;
-  std::size_t at = 0;
+  std::int32_t at = 0;
   for (const PolarRow& row : task.table->rows) {
     const float* HWY_RESTRICT surface = task.surface_m + row.first;
     const float* HWY_RESTRICT risks = task.risk + row.first;
-    for (int i = 0; i < row.vectors * kLanes; i += lanes, at += static_cast<std::size_t>(lanes)) {
+    for (int i = 0; i < row.vectors * kLanes; i += lanes, at += lanes) {
       const Floats d = hn::LoadU(tag, distances + at);
       const Floats too_high = hn::Sub(hn::LoadU(tag, surface + i), floor);
       Floats tangent = tangent_of(too_high, d, disc, near);
-      const Floats share = hn::Max(hn::Sub(one, hn::Mul(hn::Mul(d, d), inverse_window2)), zero);
-      Floats weight = hn::Add(hn::Mul(share, weight_scale), half);
-      Floats risk = hn::Add(hn::Mul(hn::Mul(share, hn::LoadU(tag, risks + i)), risk_scale), half);
-      const Floats turned = hn::Sub(hn::LoadU(tag, azimuths + at), heading);
-      const Floats turned_abs = hn::Abs(turned);
-      const Floats off = hn::Min(turned_abs, hn::Sub(hn::Set(tag, kTwoPi_f), turned_abs));
-      const FloatMask is_beyond = hn::Gt(d, disc);
-      FloatMask is_out = hn::And(hn::And(hn::Lt(d, hn::Set(tag, c.truncation_distance)),
-                                         hn::Gt(off, hn::Set(tag, c.truncation_angle))),
-                                 is_beyond);
+      Floats share = hn::Max(hn::Sub(one, hn::Mul(hn::Mul(d, d), inverse_window2)), zero);
+      const Floats turned_abs = hn::Abs(hn::Sub(hn::LoadU(tag, azimuths + at), heading));
+      const Floats off = hn::Min(turned_abs, hn::Sub(full_turn, turned_abs));
+      FloatMask is_out = hn::And(
+          hn::And(hn::Lt(d, truncation_distance), hn::Gt(off, truncation_angle)), hn::Gt(d, disc));
       if constexpr (kHasReach) {
-        is_out = hn::Or(is_out, hn::Gt(d, hn::Set(tag, q.reach_m)));
+        is_out = hn::Or(is_out, hn::Gt(d, reach));
       }
-      tangent = hn::IfThenElse(is_out, hn::Set(tag, kNothing), tangent);
-      weight = hn::IfThenZeroElse(is_out, weight);
-      risk = hn::IfThenZeroElse(is_out, risk);
+      tangent = hn::IfThenElse(is_out, nothing, tangent);
+      share = hn::IfThenZeroElse(is_out, share);
+      const Floats risk = hn::Mul(hn::Mul(share, hn::LoadU(tag, risks + i)), risk_scale);
       hn::StoreU(tangent, tag, tangents + at);
-      hn::StoreInterleaved2(hn::BitCast(uint_tag, hn::ConvertTo(int_tag, weight)),
-                            hn::BitCast(uint_tag, hn::ConvertTo(int_tag, risk)), uint_tag,
+      hn::StoreInterleaved2(whole(hn::Mul(share, weight_scale)), whole(risk), uint_tag,
                             reinterpret_cast<std::uint32_t*>(shares + at));
-
-      const FloatMask is_ahead = hn::And(hn::And(hn::Lt(off, hn::Set(tag, kQuarterPi_f)),
-                                                 hn::Ge(off, hn::Set(tag, kStraightAhead_rad))),
-                                         hn::AndNot(is_out, is_beyond));
-      if (hn::AllFalse(tag, is_ahead)) {
-        continue;
-      }
-      const Floats off2 = hn::Mul(off, off);
-      Floats series = hn::Set(tag, kArcSeries[5]);
-#pragma GCC unroll 5
-      for (int power = 4; power >= 0; --power) {
-        series = hn::Add(hn::Mul(series, off2), hn::Set(tag, kArcSeries[power]));
-      }
-      const Floats arc = hn::Mul(d, hn::Add(hn::Mul(series, off2), one));
-      const Floats bend = hn::Sub(one, hn::Mul(off, hn::Set(tag, kFourOverPi_f)));
-      const Floats arc_max =
-          hn::Add(hn::Set(tag, q.arc_max), hn::Mul(hn::Set(tag, q.arc_spread), bend));
-      const FloatMask is_masking =
-          hn::And(is_ahead, hn::And(hn::Ge(arc, hn::Mul(off, hn::Set(tag, q.arc_min))),
-                                    hn::Le(arc, hn::Mul(off, arc_max))));
-      if (hn::AllFalse(tag, is_masking)) {
-        continue;
-      }
-      const FloatMask is_right =
-          hn::Xor(hn::Gt(turned, zero), hn::Lt(turned_abs, hn::Set(tag, kPi_f)));
-      const Floats twice = hn::Add(off, off);
-      const Floats led_to = hn::Add(heading, hn::IfThenElse(is_right, hn::Neg(twice), twice));
-      const auto index = hn::ConvertTo(
-          int_tag, hn::Floor(hn::Add(hn::Mul(led_to, hn::Set(tag, c.sectors_per_rad)), half)));
-      const auto count = hn::Set(int_tag, task.sectors);
-      const auto is_below = hn::Lt(index, hn::Zero(int_tag));
-      const auto is_above = hn::Not(hn::Lt(index, count));
-      const auto sector = hn::IfThenElse(is_below, hn::Add(index, count),
-                                         hn::IfThenElse(is_above, hn::Sub(index, count), index));
-      hn::CompressStore(sector, hn::RebindMask(int_tag, is_masking), int_tag, mask_sectors + found);
-      hn::CompressStore(tangent_of(too_high, arc, disc, near), is_masking, tag,
-                        mask_tangents + found);
-      found += hn::CountTrue(tag, is_masking);
+      ahead[found] = {row.first + i, at};
+      found += hn::AllFalse(tag, hn::Lt(off, quarter_pi)) ? 0 : 1;
     }
+  }
+  return found;
+}
+
+// Tangents of the arc mask with their sectors, in no order. Returns how many there are.
+HWY_INLINE std::size_t scan_ahead(const HistogramTask& task, const PolarRow* HWY_RESTRICT ahead,
+                                  std::size_t count, std::int32_t* HWY_RESTRICT mask_sectors,
+                                  float* HWY_RESTRICT mask_tangents) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const PolarConstants& c = *task.constants;
+  const PolarQuestion& q = *task.question;
+  const Floats zero = hn::Zero(tag);
+  const Floats one = hn::Set(tag, 1.0F);
+  const Floats half = hn::Set(tag, 0.5F);
+  const Floats disc = hn::Set(tag, c.disc);
+  const Floats near = hn::Set(tag, c.near);
+  const Floats heading = hn::Set(tag, q.heading_rad);
+  const auto sectors = hn::Set(int_tag, task.sectors);
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t at = ahead[i].vectors;
+    const Floats d = hn::LoadU(tag, task.table->distance_m.data() + at);
+    const Floats turned = hn::Sub(hn::LoadU(tag, task.table->azimuth_rad.data() + at), heading);
+    const Floats turned_abs = hn::Abs(turned);
+    const Floats off = hn::Min(turned_abs, hn::Sub(hn::Set(tag, kTwoPi_f), turned_abs));
+    const Floats off2 = hn::Mul(off, off);
+    Floats series = hn::Set(tag, kArcSeries[5]);
+#pragma GCC unroll 5
+    for (int power = 4; power >= 0; --power) {
+      series = hn::Add(hn::Mul(series, off2), hn::Set(tag, kArcSeries[power]));
+    }
+    const Floats arc = hn::Mul(d, hn::Add(hn::Mul(series, off2), one));
+    const Floats bend = hn::Sub(one, hn::Mul(off, hn::Set(tag, kFourOverPi_f)));
+    const Floats arc_max =
+        hn::Add(hn::Set(tag, q.arc_max), hn::Mul(hn::Set(tag, q.arc_spread), bend));
+    const FloatMask is_ahead =
+        hn::And(hn::And(hn::Lt(off, hn::Set(tag, kQuarterPi_f)),
+                        hn::Ge(off, hn::Set(tag, kStraightAhead_rad))),
+                hn::And(hn::Gt(d, disc), hn::Le(d, hn::Set(tag, q.reach_m))));
+    const FloatMask is_masking =
+        hn::And(is_ahead, hn::And(hn::Ge(arc, hn::Mul(off, hn::Set(tag, q.arc_min))),
+                                  hn::Le(arc, hn::Mul(off, arc_max))));
+    const FloatMask is_right =
+        hn::Xor(hn::Gt(turned, zero), hn::Lt(turned_abs, hn::Set(tag, kPi_f)));
+    const Floats twice = hn::Add(off, off);
+    const Floats led_to = hn::Add(heading, hn::IfThenElse(is_right, hn::Neg(twice), twice));
+    const auto index = hn::ConvertTo(
+        int_tag, hn::Floor(hn::Add(hn::Mul(led_to, hn::Set(tag, c.sectors_per_rad)), half)));
+    const auto sector =
+        hn::IfThenElse(hn::Lt(index, hn::Zero(int_tag)), hn::Add(index, sectors),
+                       hn::IfThenElse(hn::Lt(index, sectors), index, hn::Sub(index, sectors)));
+    const Floats too_high =
+        hn::Sub(hn::LoadU(tag, task.surface_m + ahead[i].first), hn::Set(tag, q.floor_m));
+    hn::StoreU(hn::Compress(sector, hn::RebindMask(int_tag, is_masking)), int_tag,
+               mask_sectors + found);
+    hn::StoreU(hn::Compress(tangent_of(too_high, arc, disc, near), is_masking), tag,
+               mask_tangents + found);
+    found += hn::CountTrue(tag, is_masking);
   }
   return found;
 }
@@ -219,10 +245,12 @@ void histogram_kernel(HistogramTask& task, HistogramScratch& scratch) {
   std::int32_t* HWY_RESTRICT mask_sectors = with_room(scratch.mask_sectors, cells + kLanes);
   float* HWY_RESTRICT mask_tangents = with_room(scratch.mask_tangents, cells + kLanes);
 
-  const std::size_t masking =
-      task.question->reach_m < static_cast<float>(c.window_m)
-          ? scan_rows<true>(task, tangents, shares, mask_sectors, mask_tangents)
-          : scan_rows<false>(task, tangents, shares, mask_sectors, mask_tangents);
+  PolarRow* HWY_RESTRICT ahead =
+      with_room(scratch.ahead, cells / static_cast<std::size_t>(lanes) + 1);
+  const std::size_t places = task.question->reach_m < static_cast<float>(c.window_m)
+                                 ? scan_rows<true>(task, tangents, shares, ahead)
+                                 : scan_rows<false>(task, tangents, shares, ahead);
+  const std::size_t masking = scan_ahead(task, ahead, places, mask_sectors, mask_tangents);
 
   const Floats nothing = hn::Set(tag, kNothing);
   for (std::size_t i = 0; i < slots; i += static_cast<std::size_t>(lanes)) {
@@ -232,11 +260,13 @@ void histogram_kernel(HistogramTask& task, HistogramScratch& scratch) {
     hn::StoreU(nothing, tag, task.tan_mask + i);
   }
   std::fill_n(differences, padded + 1, 0);
-  for (const PolarEntry& entry : table.entries) {
-    windows[entry.slot] = std::max(windows[entry.slot], tangents[entry.cell]);
-    const std::uint64_t share = shares[entry.cell];
-    differences[entry.low] += share;
-    differences[entry.end] -= share;
+  for (const std::uint64_t entry : table.entries) {
+    const std::uint64_t cell = PolarEntry::cell(entry);
+    float& window = windows[PolarEntry::slot(entry)];
+    window = std::max(window, tangents[cell]);
+    const std::uint64_t share = shares[cell];
+    differences[PolarEntry::low(entry)] += share;
+    differences[PolarEntry::end(entry)] -= share;
   }
   for (const PolarSlot& slot : table.further) {
     windows[slot.slot] = std::max(windows[slot.slot], tangents[slot.cell]);

@@ -24,12 +24,17 @@ struct PolarRow {
   std::int32_t vectors = 0;  // of kLanes cells
 };
 
-/// What one cell beyond the disc adds to.
+/// What one cell beyond the disc adds to, packed: its number in the order of the rows, its first
+/// sector, the one after its last sector (1..K), its window of sectors.
 struct PolarEntry {
-  std::uint16_t cell = 0;  // in the order of the rows
-  std::uint16_t low = 0;   // first sector
-  std::uint16_t end = 0;   // one after the last sector, 1..K
-  std::uint16_t slot = 0;  // window of sectors
+  static std::uint64_t packed(std::uint64_t cell, std::uint64_t low, std::uint64_t end,
+                              std::uint64_t slot) {
+    return cell | low << 16U | end << 32U | slot << 48U;
+  }
+  static std::uint64_t cell(std::uint64_t entry) { return entry & 0xffffU; }
+  static std::uint64_t low(std::uint64_t entry) { return entry >> 16U & 0xffffU; }
+  static std::uint64_t end(std::uint64_t entry) { return entry >> 32U & 0xffffU; }
+  static std::uint64_t slot(std::uint64_t entry) { return entry >> 48U; }
 };
 struct PolarSlot {
   std::uint16_t cell = 0;
@@ -41,7 +46,7 @@ struct PolarTable {
   std::vector<PolarRow> rows;
   std::vector<float> distance_m;  // by row, kFarAway_m beside the window
   std::vector<float> azimuth_rad;
-  std::vector<PolarEntry> entries;
+  std::vector<std::uint64_t> entries;  // PolarEntry
   std::vector<PolarSlot> further;      // second windows
   std::vector<std::uint16_t> wrapped;  // cells whose sectors go on at 0
   std::vector<std::uint16_t> near;     // cells within the disc
@@ -55,6 +60,7 @@ struct HistogramScratch {
   std::vector<float> windows;         // greatest tangents, by slot
   std::vector<float> wide;            // two turns of one width
   std::vector<std::uint64_t> differences;
+  std::vector<PolarRow> ahead;
   std::vector<std::int32_t> mask_sectors;
   std::vector<float> mask_tangents;
 };

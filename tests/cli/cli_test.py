@@ -614,6 +614,13 @@ class Json(CliTest):
         self.assertIn("best_ever", result.stderr)
         self.assertIn("ompl_abitstar", result.stderr)
 
+    def test_evaluate_local_speed(self):
+        found = self.one_object("evaluate", "local-speed", "--repeats", "1", "--reference-repeats", "1", "--length", "2000")
+        self.assertEqual(sum(row["paper_ms_per_km"] is not None for row in found["rows"]), 28)
+        for row in found["rows"]:
+            self.assertTrue(row["same_bytes"], row)
+            self.assertLess(row["ms_per_km"], row["reference_ms_per_km"])
+
     def test_evaluate_protection(self):
         found = self.one_object("evaluate", "protection", "--map", self.map, "--cells", "4", "--seed", "7")
         self.assertGreater(found["cpu_s_per_million_cells"], 0.0)

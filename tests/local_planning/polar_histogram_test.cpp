@@ -215,7 +215,7 @@ TEST(PolarHistogram, EqualsTheDefinitionCellByCell) {
         expect_between(histogram.tan_mask[k], less.mask[k], more.mask[k]);
         expect_between(histogram.tan_masked[k], less.masked[k], more.masked[k]);
         if (less.weight[k] == more.weight[k]) {
-          EXPECT_NEAR(histogram.risk[k], less.risk[k], 1e-5);
+          EXPECT_NEAR(histogram.risk[k], less.risk[k], 5e-5);
           EXPECT_NEAR(histogram.risk_weight[k], less.weight[k], 1e-3);
         }
       }
