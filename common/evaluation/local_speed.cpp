@@ -18,12 +18,17 @@ namespace {
 using local_planning::Flight;
 using local_planning::FlownStep;
 using local_planning::Kernel;
+using local_planning::LocalGround;
+using local_planning::LocalMode;
 using local_planning::LocalOptions;
 using local_planning::Surroundings;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kSpeed_mps = 40.0;
 constexpr double kStep_s = 0.05;
+constexpr double kUsualWindow_m = 350.0;
+constexpr int kUsualSectors = 64;
+constexpr double kPaperCell_m = 30.0;
 constexpr double kGuideSpacing_m = 50.0;
 constexpr double kGuideHeight_m = 22.0;  // above the greatest surface within the safety disc
 constexpr double kGuideSlopeMax = 0.14;
@@ -157,9 +162,9 @@ class SpeedRun {
         observer_(observer),
         costs_(map, config.weights, config.semantics, config.unknown_visibility,
                map.reference_height_m) {
-    const Surroundings surroundings = local_planning::surroundings_of(costs_, config.local);
+    const LocalGround ground = local_planning::local_ground(costs_, config.local);
     for (const auto& line : candidate_lines()) {
-      const auto guide = guide_through(surroundings, map.geometry, line, options.length_m);
+      const auto guide = guide_through(ground.surroundings, map.geometry, line, options.length_m);
       const bool is_known = std::all_of(
           guide.begin(), guide.end(),
           [](const flight::Waypoint& point) { return std::isfinite(point.altitude_m); });
@@ -167,7 +172,7 @@ class SpeedRun {
         continue;
       }
       guide_ = guide;
-      if (std::holds_alternative<Flight>(flown(surroundings, config.local, options.kernel))) {
+      if (std::holds_alternative<Flight>(flown(ground, config.local, options.kernel))) {
         return;
       }
     }
@@ -175,15 +180,41 @@ class SpeedRun {
                     "take a map with more known ground, at least 4 km on a side");
   }
 
-  LocalSpeedRow row(const LocalOptions& local) {
-    LocalSpeedRow row;
+  LocalSpeedRow tvfh_row(LocalOptions local, double window_m, int sectors) {
+    local.mode = LocalMode::kTvfh;
+    local.window_m = window_m;
+    local.sectors = sectors;
+    LocalSpeedRow row = timed(local);
     row.planner = "tvfh";
+    row.window_m = window_m;
+    row.sectors = sectors;
+    row.reference_ms_per_km = row.plain_form_ms_per_km;
+    row.paper_ms_per_km = paper_ms_per_km(window_m, sectors);
+    return row;
+  }
+
+  LocalSpeedRow rollout_row(LocalOptions local) {
+    local.mode = LocalMode::kTvfh;
+    local.window_m = kUsualWindow_m;
+    local.sectors = kUsualSectors;
+    const double plain_tvfh = timed(local).plain_form_ms_per_km;
+    local.mode = LocalMode::kRollout;
+    LocalSpeedRow row = timed(local);
+    row.planner = "rollout";
+    row.window_m = local.rollout.horizon_s * kSpeed_mps;
+    row.sectors = local_planning::kCandidates;
+    row.reference_ms_per_km = plain_tvfh;
+    row.paper_ms_per_km =
+        row.cell_m == kPaperCell_m ? paper_ms_per_km(kUsualWindow_m, kUsualSectors) : kNaN;
+    return row;
+  }
+
+ private:
+  LocalSpeedRow timed(const LocalOptions& local) {
+    LocalSpeedRow row;
     row.cell_m = map_.geometry.cell_m;
-    row.window_m = local.window_m;
-    row.sectors = local.sectors;
-    row.paper_ms_per_km = paper_ms_per_km(local.window_m, local.sectors);
     const double before_s = thread_cpu_s_();
-    const Surroundings surroundings = local_planning::surroundings_of(costs_, local);
+    const LocalGround ground = local_planning::local_ground(costs_, local);
     row.setup_ms = 1e3 * (thread_cpu_s_() - before_s);
     double fast_s = std::numeric_limits<double>::infinity();
     double plain_s = fast_s;
@@ -194,33 +225,32 @@ class SpeedRun {
         throw Interrupted();
       }
       if (i < options_.repeats) {
-        fast_s = std::min(fast_s, seconds(surroundings, local, options_.kernel, fast));
+        fast_s = std::min(fast_s, seconds(ground, local, options_.kernel, fast));
       }
       if (i < options_.reference_repeats) {
-        plain_s = std::min(plain_s, seconds(surroundings, local, Kernel::kPlain, plain));
+        plain_s = std::min(plain_s, seconds(ground, local, Kernel::kPlain, plain));
       }
     }
     row.length_km = static_cast<double>(fast.decisions) * kStep_s * kSpeed_mps / 1000.0;
     row.ms_per_km = 1e3 * fast_s / row.length_km;
-    row.reference_ms_per_km = 1e3 * plain_s / row.length_km;
+    row.plain_form_ms_per_km = 1e3 * plain_s / row.length_km;
     row.is_same_bytes = is_same_bytes(fast, plain);
     return row;
   }
 
- private:
-  std::variant<Flight, flight::NoPlan> flown(const Surroundings& surroundings,
-                                             const LocalOptions& local, Kernel kernel) {
+  std::variant<Flight, flight::NoPlan> flown(const LocalGround& ground, const LocalOptions& local,
+                                             Kernel kernel) {
     SilentObserver silent;
     return local_planning::fly_along(
-        surroundings, config_.vehicle, local, guide_,
+        ground, config_.vehicle, local, guide_,
         local_planning::state_at_start(guide_, kSpeed_mps, config_.vehicle.limits), kSpeed_mps, {},
         silent, kernel);
   }
 
-  double seconds(const Surroundings& surroundings, const LocalOptions& local, Kernel kernel,
+  double seconds(const LocalGround& ground, const LocalOptions& local, Kernel kernel,
                  Flight& flight) {
     const double before_s = thread_cpu_s_();
-    auto result = flown(surroundings, local, kernel);
+    auto result = flown(ground, local, kernel);
     const double taken_s = thread_cpu_s_() - before_s;
     if (const auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
       throw DataError("the flight that is timed did not end: " + no_plan->explanation);
@@ -280,6 +310,14 @@ map::Map synthetic_hills(double cell_m, double east_m, double north_m) {
   return map;
 }
 
+namespace {
+
+map::Map hills_for(const LocalSpeedOptions& options, double cell_m) {
+  return synthetic_hills(cell_m, options.length_m + 4000.0, 6000.0);
+}
+
+}  // namespace
+
 LocalSpeedResult evaluate_local_speed(const map::Map* map, const planning::PlanningConfig& config,
                                       const LocalSpeedOptions& options,
                                       const std::function<double()>& thread_cpu_s,
@@ -290,22 +328,29 @@ LocalSpeedResult evaluate_local_speed(const map::Map* map, const planning::Plann
   planning::PlanningConfig used = config;
   used.local.step_s = kStep_s;
   used.local.passes = 1;
-  const double side_m = options.length_m + 4000.0;
-  const map::Map hills = map != nullptr ? map::Map{} : synthetic_hills(30.0, side_m, 8000.0);
-  SpeedRun run(map != nullptr ? *map : hills, used, options, thread_cpu_s, observer);
-  double done = 0.0;
-  constexpr double kRows = kPaper.size() * kPaperSectors.size();
-  for (const PaperRow& paper : kPaper) {
-    for (const int sectors : kPaperSectors) {
-      observer.progress("local speed", done, kRows);
-      LocalOptions local = used.local;
-      local.window_m = paper.window_m;
-      local.sectors = sectors;
-      result.rows.push_back(run.row(local));
-      done += 1.0;
+  const double rows =
+      static_cast<double>(kPaper.size() * kPaperSectors.size()) + (map != nullptr ? 1.0 : 3.0);
+  const auto add = [&](const LocalSpeedRow& row) {
+    result.rows.push_back(row);
+    observer.progress("local speed", static_cast<double>(result.rows.size()), rows);
+  };
+  {
+    const map::Map hills = map != nullptr ? map::Map{} : hills_for(options, kPaperCell_m);
+    SpeedRun run(map != nullptr ? *map : hills, used, options, thread_cpu_s, observer);
+    for (const PaperRow& paper : kPaper) {
+      for (const int sectors : kPaperSectors) {
+        add(run.tvfh_row(used.local, paper.window_m, sectors));
+      }
+    }
+    add(run.rollout_row(used.local));
+  }
+  if (map == nullptr) {
+    for (const double cell_m : {10.0, 5.0}) {
+      const map::Map hills = hills_for(options, cell_m);
+      SpeedRun run(hills, used, options, thread_cpu_s, observer);
+      add(run.rollout_row(used.local));
     }
   }
-  observer.progress("local speed", kRows, kRows);
   return result;
 }
 
@@ -323,6 +368,7 @@ std::string local_speed_json(const LocalSpeedResult& result) {
     one["sectors"] = row.sectors;
     one["ms_per_km"] = row.ms_per_km;
     one["reference_ms_per_km"] = row.reference_ms_per_km;
+    one["plain_form_ms_per_km"] = row.plain_form_ms_per_km;
     one["paper_ms_per_km"] = std::isnan(row.paper_ms_per_km)
                                  ? nlohmann::ordered_json(nullptr)
                                  : nlohmann::ordered_json(row.paper_ms_per_km);

@@ -46,6 +46,22 @@ ClimbAhead ClimbForecast::ahead(const command_model::ModelState& state,
                                 const command_model::StateTrigonometry& trigonometry,
                                 double along_m, double commanded_heading_math_rad,
                                 double goal_math_rad) {
+  ForecastTask question =
+      task(state, trigonometry, along_m, commanded_heading_math_rad, goal_math_rad);
+  kernels_.forecast(question, scratch_);
+  return answer(question);
+}
+
+ClimbAhead ClimbForecast::answer(const ForecastTask& task) const {
+  return {
+      std::min(static_cast<double>(task.greatest_mps), model_->vehicle().limits.climb_rate_max_mps),
+      static_cast<double>(task.greatest_later_mps)};
+}
+
+ForecastTask ClimbForecast::task(const command_model::ModelState& state,
+                                 const command_model::StateTrigonometry& trigonometry,
+                                 double along_m, double commanded_heading_math_rad,
+                                 double goal_math_rad) const {
   const flight::Limits& limits = model_->vehicle().limits;
   const command_model::ModelParameters& constants = model_->vehicle().model;
   const double speed_mps = state.speed_mps;
@@ -101,9 +117,7 @@ ClimbAhead ClimbForecast::ahead(const command_model::ModelState& state,
   task.response_s = single(options_.response_s);
   task.rate_max_mps = single(10.0 * limits.climb_rate_max_mps);
   task.rate_min_mps = single(-limits.descent_rate_max_mps);
-  kernels_.forecast(task, scratch_);
-  return {std::min(static_cast<double>(task.greatest_mps), limits.climb_rate_max_mps),
-          static_cast<double>(task.greatest_later_mps)};
+  return task;
 }
 
 }  // namespace hedgehop::local_planning

@@ -58,6 +58,14 @@ class ClimbForecast {
                    const command_model::StateTrigonometry& trigonometry, double along_m,
                    double commanded_heading_math_rad, double goal_math_rad);
 
+  /// The question to the kernel.
+  [[nodiscard]] ForecastTask task(const command_model::ModelState& state,
+                                  const command_model::StateTrigonometry& trigonometry,
+                                  double along_m, double commanded_heading_math_rad,
+                                  double goal_math_rad) const;
+  /// What its answer means.
+  [[nodiscard]] ClimbAhead answer(const ForecastTask& task) const;
+
  private:
   const Surroundings* surroundings_;
   const Guide* guide_;

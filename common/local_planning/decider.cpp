@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+#include <utility>
 
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
@@ -26,9 +26,10 @@ double distance_m(double dx_m, double dy_m) { return std::sqrt(dx_m * dx_m + dy_
 
 }  // namespace
 
-Decider::Decider(const Surroundings& surroundings, const Guide& guide, const CommandModel& model,
-                 const LocalOptions& options, const HistogramOptions& histogram_options,
-                 double speed_mps, const ModelState& initial, Kernel kernel)
+Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const HistogramTables> tables,
+                 const Guide& guide, const CommandModel& model, const LocalOptions& options,
+                 const HistogramOptions& histogram_options, double speed_mps,
+                 const ModelState& initial, Kernel kernel)
     : guide_(guide),
       model_(model),
       options_(options),
@@ -37,18 +38,23 @@ Decider::Decider(const Surroundings& surroundings, const Guide& guide, const Com
       speed_mps_(speed_mps),
       disc_radius_m_(histogram_options.disc_radius_m),
       tangent_min_(elementary::tan(options.climb_angle_min_rad)),
-      turn_max_(elementary::tan(model.bank_command_max_rad())) {
-  if (kernel == Kernel::kPlain) {
+      turn_max_(elementary::tan(model.bank_command_max_rad())),
+      commanded_rad_(initial.heading_math_rad),
+      before_rad_(initial.heading_math_rad) {
+  if (options.mode == LocalMode::kRollout) {
+    rollout_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
+                     options.climb_ahead, options.rollout, options.weights, kernel);
+  } else if (kernel == Kernel::kPlain) {
     plain_.emplace(surroundings, histogram_options);
   } else {
-    table_.emplace(surroundings, histogram_options, kernel);
+    table_.emplace(surroundings, histogram_options, std::move(tables), kernel);
   }
-  if (options.climb_ahead.is_used) {
+  if (options.mode == LocalMode::kTvfh && options.climb_ahead.is_used) {
     forecast_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
                       options.climb_ahead, step_kernels(kernel));
   }
   heading_.reset(initial.heading_math_rad);
-  climb_.reset(elementary::atan(initial.climb_rate_mps / initial.speed_mps));
+  climb_.reset(initial.climb_rate_mps / initial.speed_mps);
 }
 
 FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trigonometry) {
@@ -86,6 +92,44 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   // Ground beyond the goal is never flown over.
   const double reach_m = is_outbound_ ? std::numeric_limits<double>::infinity()
                                       : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
+  FlownStep step;
+  step.state = state;
+  step.command.speed_mps = speed_mps_;
+  const Judgement judgement =
+      rollout_ ? judge_by_rollout(state, trigonometry, question, target_math_rad, reach_m, step)
+               : judge_by_histogram(state, trigonometry, question, target_math_rad, turn_radius_m,
+                                    reach_m, step);
+  commanded_rad_ = step.command.heading_math_rad;
+  before_rad_ = step.target_heading_math_rad;
+  double needed = std::max(judgement.needed, tangent_min_);
+  if (judgement.ahead) {
+    needed = std::max(needed, judgement.ahead->climb_rate_mps / speed_mps);
+    const double shortfall_mps = judgement.ahead->shortfall_rate_mps;
+    if (shortfall_mps > limits.climb_rate_max_mps) {
+      step.command.speed_mps = std::clamp(speed_mps * limits.climb_rate_max_mps / shortfall_mps,
+                                          std::min(options_.slow_speed_mps, step.command.speed_mps),
+                                          step.command.speed_mps);
+    }
+  }
+  needed = std::clamp(needed, tangent_min_, limit_tangent);
+
+  // The indicator works on tangents: climb angles are small.
+  climb_.step(std::max(question.goal_tangent, needed), state.climb_rate_mps / speed_mps,
+              state.vertical_acceleration_mps2 / speed_mps, options_.climb_indicator,
+              options_.step_s);
+  const double followed = std::max(climb_.angle_rad, tangent_min_);
+  const double tangent = std::clamp(std::max(followed, needed), tangent_min_, limit_tangent);
+  step.commanded_climb_angle_rad = elementary::atan(tangent);
+  step.command.climb_rate_mps = speed_mps * tangent;
+  return step;
+}
+
+Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
+                                               const StateTrigonometry& trigonometry,
+                                               const DirectionQuestion& question,
+                                               double target_math_rad, double turn_radius_m,
+                                               double reach_m, FlownStep& step) {
+  const geo::MapPoint place{state.x_m, state.y_m};
   if (plain_) {
     plain_->compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
                     reach_m);
@@ -95,50 +139,69 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   }
   const std::optional<double> chosen_rad =
       cheapest_direction_rad(histogram_, sectors_, options_.weights, question, scratch_, cheapest_);
-
-  FlownStep step;
-  step.state = state;
-  double needed = std::max(
-      {tangent_min_, static_cast<double>(histogram_.tan_climb_near),
-       std::min(static_cast<double>(needed_towards(state.heading_math_rad)), tangent_max)});
-  step.command.speed_mps = speed_mps_;
+  Judgement judgement;
+  judgement.needed = std::max(
+      static_cast<double>(histogram_.tan_climb_near),
+      std::min(static_cast<double>(needed_towards(state.heading_math_rad)), question.tangent_max));
   if (chosen_rad) {
     step.target_heading_math_rad = *chosen_rad;
-    step.command.heading_math_rad =
-        followed_heading_rad(*chosen_rad, state, kGravity_mps2 * trigonometry.tan_bank / speed_mps,
-                             static_cast<float>(tangent_max));
-    needed = std::max(needed, static_cast<double>(needed_towards(step.command.heading_math_rad)));
+    step.command.heading_math_rad = followed_heading_rad(
+        *chosen_rad, state, kGravity_mps2 * trigonometry.tan_bank / state.speed_mps,
+        static_cast<float>(question.tangent_max));
+    judgement.needed = std::max(judgement.needed,
+                                static_cast<double>(needed_towards(step.command.heading_math_rad)));
   } else {
-    ++infeasible_decisions_;
     step.target_heading_math_rad = least_climb_direction_rad(
         histogram_, sectors_, state.heading_math_rad, question.goal_math_rad, kFallbackReach_rad);
-    step.command.heading_math_rad = step.target_heading_math_rad;
-    heading_.reset(state.heading_math_rad);
-    needed = limit_tangent;
-    step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
+    judgement.needed = give_way(state, step);
   }
   if (forecast_) {
-    const ClimbAhead ahead = forecast_->ahead(state, trigonometry, along_m_,
-                                              step.command.heading_math_rad, target_math_rad);
-    needed = std::max(needed, ahead.climb_rate_mps / speed_mps);
-    if (ahead.shortfall_rate_mps > limits.climb_rate_max_mps) {
-      step.command.speed_mps = std::clamp(
-          speed_mps * limits.climb_rate_max_mps / ahead.shortfall_rate_mps,
-          std::min(options_.slow_speed_mps, step.command.speed_mps), step.command.speed_mps);
-    }
+    judgement.ahead = forecast_->ahead(state, trigonometry, along_m_, step.command.heading_math_rad,
+                                       target_math_rad);
   }
-  needed = std::clamp(needed, tangent_min_, limit_tangent);
+  return judgement;
+}
 
-  climb_.step(elementary::atan(std::max(question.goal_tangent, needed)),
-              elementary::atan(state.climb_rate_mps / speed_mps),
-              state.vertical_acceleration_mps2 / speed_mps, options_.climb_indicator,
-              options_.step_s);
-  const double followed = elementary::tan(
-      std::clamp(climb_.angle_rad, options_.climb_angle_min_rad, 0.25 * std::numbers::pi));
-  const double tangent = std::clamp(std::max(followed, needed), tangent_min_, limit_tangent);
-  step.commanded_climb_angle_rad = elementary::atan(tangent);
-  step.command.climb_rate_mps = speed_mps * tangent;
-  return step;
+Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
+                                             const StateTrigonometry& trigonometry,
+                                             const DirectionQuestion& question,
+                                             double target_math_rad, double reach_m,
+                                             FlownStep& step) {
+  const RolloutChoice choice =
+      rollout_->choose(state, trigonometry, along_m_, question, target_math_rad, commanded_rad_,
+                       before_rad_, reach_m);
+  Judgement judgement;
+  judgement.needed =
+      std::max(choice.needed_near, std::min(choice.needed_commanded, question.tangent_max));
+  if (choice.direction_rad) {
+    step.target_heading_math_rad = *choice.direction_rad;
+    if (choice.needed_commanded <= question.tangent_max) {
+      heading_.step(*choice.direction_rad, state.heading_math_rad,
+                    kGravity_mps2 * trigonometry.tan_bank / state.speed_mps,
+                    options_.heading_indicator, options_.step_s);
+      step.command.heading_math_rad = heading_.angle_rad;
+    } else {
+      // The indicator goes on from there: from the present heading it would lead back at once.
+      heading_.reset(*choice.direction_rad);
+      step.command.heading_math_rad = *choice.direction_rad;
+    }
+  } else {
+    step.target_heading_math_rad = choice.least_climb_rad;
+    judgement.needed = give_way(state, step);
+    heading_.reset(choice.least_climb_rad);
+  }
+  if (options_.climb_ahead.is_used) {
+    judgement.ahead = choice.ahead;
+  }
+  return judgement;
+}
+
+double Decider::give_way(const ModelState& state, FlownStep& step) {
+  ++infeasible_decisions_;
+  step.command.heading_math_rad = step.target_heading_math_rad;
+  heading_.reset(state.heading_math_rad);
+  step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
+  return model_.vehicle().limits.climb_rate_max_mps / state.speed_mps;
 }
 
 // A goal that was passed too far aside lies within the turning circle: flying towards it would

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "local_planning/indicator.hpp"
 #include "local_planning/local_planner.hpp"
 #include "local_planning/polar_histogram.hpp"
+#include "local_planning/rollout.hpp"
 #include "local_planning/surroundings.hpp"
 
 namespace hedgehop::local_planning {
@@ -20,8 +22,9 @@ namespace hedgehop::local_planning {
 /// what it is given.
 class Decider {
  public:
-  Decider(const Surroundings& surroundings, const Guide& guide,
-          const command_model::CommandModel& model, const LocalOptions& options,
+  /// @param tables  of the histogram; null for rollouts
+  Decider(const Surroundings& surroundings, std::shared_ptr<const HistogramTables> tables,
+          const Guide& guide, const command_model::CommandModel& model, const LocalOptions& options,
           const HistogramOptions& histogram_options, double speed_mps,
           const command_model::ModelState& initial, Kernel kernel);
 
@@ -36,6 +39,21 @@ class Decider {
   [[nodiscard]] std::int64_t infeasible_decisions() const { return infeasible_decisions_; }
 
  private:
+  /// What the terrain asks for, and the ground ahead of the commanded heading.
+  struct Judgement {
+    double needed = 0.0;
+    std::optional<ClimbAhead> ahead;
+  };
+  Judgement judge_by_histogram(const command_model::ModelState& state,
+                               const command_model::StateTrigonometry& trigonometry,
+                               const DirectionQuestion& question, double target_math_rad,
+                               double turn_radius_m, double reach_m, FlownStep& step);
+  Judgement judge_by_rollout(const command_model::ModelState& state,
+                             const command_model::StateTrigonometry& trigonometry,
+                             const DirectionQuestion& question, double target_math_rad,
+                             double reach_m, FlownStep& step);
+  /// No direction is feasible: the target is commanded, slowly; returns all the climb there is.
+  double give_way(const command_model::ModelState& state, FlownStep& step);
   bool is_going_around(const command_model::ModelState& state,
                        const command_model::StateTrigonometry& trigonometry, double turn_radius_m);
   [[nodiscard]] float needed_towards(double heading_rad) const {
@@ -52,11 +70,14 @@ class Decider {
   std::optional<HistogramTable> table_;
   int (*cheapest_)(const DirectionTask&);
   std::optional<ClimbForecast> forecast_;
+  std::optional<Rollout> rollout_;
   double speed_mps_;
   double disc_radius_m_;
   double tangent_min_;
   double turn_max_;  // tangent of the steepest bank
   double along_m_ = 0.0;
+  double commanded_rad_;  // heading of the step before
+  double before_rad_;     // direction chosen in the step before
   Indicator heading_;
   Indicator climb_;
   PolarHistogram histogram_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace hedgehop::local_planning {
 namespace {
@@ -17,8 +18,9 @@ int cells_with_padding(const PolarConstants& constants) {
 }
 
 // Neighbours go to the same sectors; stores to the same place in a row wait for each other.
-void interleave(std::vector<std::uint64_t>& entries) {
-  std::vector<std::uint64_t> from;
+template <typename Entry>
+void interleave(std::vector<Entry>& entries) {
+  std::vector<Entry> from;
   for (std::size_t begin = 0; begin < entries.size(); begin += kInterleaved) {
     const std::size_t count = std::min(kInterleaved, entries.size() - begin);
     from.assign(entries.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -35,23 +37,41 @@ void interleave(std::vector<std::uint64_t>& entries) {
 
 }  // namespace
 
-HistogramTable::HistogramTable(const Surroundings& surroundings, const HistogramOptions& options,
-                               Kernel kernel)
-    : surroundings_(&surroundings),
-      plain_(surroundings, options),
-      is_plain_(cells_with_padding(plain_.constants()) > kCellsMax),
-      kernels_(step_kernels(kernel)) {
-  const auto subcells = static_cast<std::size_t>(plain_.constants().subcells);
-  tables_.resize(subcells * subcells);
-  if (!is_plain_) {
-    choose_widths();
+PolarTables::PolarTables(PolarUse use, const PolarConstants& constants, const Sectors& sectors,
+                         int stride)
+    : use_(use), subcells_(constants.subcells) {
+  if (cells_with_padding(constants) > kCellsMax) {
+    return;
+  }
+  choose_widths(constants, sectors);
+  for (int row = 0; row < subcells_; ++row) {
+    for (int column = 0; column < subcells_; ++column) {
+      tables_.push_back(made(constants, sectors, stride, column, row));
+    }
   }
 }
 
+std::shared_ptr<const HistogramTables> histogram_tables(const Surroundings& surroundings,
+                                                        const HistogramOptions& options) {
+  const Sectors sectors(options.sectors);
+  const raster::GridGeometry& geometry = surroundings.geometry();
+  const auto tables = [&](PolarUse use) {
+    return PolarTables(use, PolarConstants(use, options, geometry, surroundings.risk_max()),
+                       sectors, geometry.columns);
+  };
+  return std::make_shared<const HistogramTables>(
+      HistogramTables{tables(PolarUse::kClimb), tables(PolarUse::kRisk)});
+}
+
+HistogramTable::HistogramTable(const Surroundings& surroundings, const HistogramOptions& options,
+                               std::shared_ptr<const HistogramTables> tables, Kernel kernel)
+    : surroundings_(&surroundings),
+      plain_(surroundings, options),
+      kernels_(step_kernels(kernel)),
+      tables_(std::move(tables)) {}
+
 // Powers of two, and widths that so many cells have that a window of their own pays.
-void HistogramTable::choose_widths() {
-  const PolarConstants& c = plain_.constants();
-  const Sectors& sectors = plain_.sectors();
+void PolarTables::choose_widths(const PolarConstants& c, const Sectors& sectors) {
   const int widest = sectors.count() / 2 + 2;
   std::vector<int> cells(static_cast<std::size_t>(widest + 1));
   const int reach = static_cast<int>(c.window_m / c.cell_m) + 1;
@@ -86,22 +106,14 @@ void HistogramTable::choose_widths() {
   }
 }
 
-const PolarTable& HistogramTable::table_at(const Viewpoint& view) {
-  const PolarConstants& c = plain_.constants();
-  std::unique_ptr<PolarTable>& made =
-      tables_[static_cast<std::size_t>(view.sub_row * c.subcells + view.sub_column)];
-  if (made) {
-    return *made;
-  }
-  made = std::make_unique<PolarTable>();
-  PolarTable& table = *made;
-  const Sectors& sectors = plain_.sectors();
+PolarTable PolarTables::made(const PolarConstants& c, const Sectors& sectors, int stride,
+                             int sub_column, int sub_row) const {
+  PolarTable table;
   const int count = sectors.count();
   const int reach = static_cast<int>(c.window_m / c.cell_m) + 1;
   const double window_m2 = c.window_m * c.window_m;
-  const double within_x_m = c.within_cell_m(view.sub_column);
-  const double within_y_m = c.within_cell_m(view.sub_row);
-  const int stride = surroundings_->geometry().columns;
+  const double within_x_m = c.within_cell_m(sub_column);
+  const double within_y_m = c.within_cell_m(sub_row);
   for (int row = -reach; row <= reach; ++row) {
     const double dy_m = (row + 0.5) * c.cell_m - within_y_m;
     const std::size_t begin = table.distance_m.size();
@@ -113,29 +125,34 @@ const PolarTable& HistogramTable::table_at(const Viewpoint& view) {
       if (table.distance_m.size() == begin) {
         table.rows.push_back({row * stride + column, 0});
       }
-      const PolarCell cell = polar_cell(c, sectors, dx_m, dy_m, true);
+      const PolarCell cell = polar_cell(c, sectors, dx_m, dy_m, use_ == PolarUse::kClimb);
       const auto at = static_cast<std::uint16_t>(table.distance_m.size());
       table.distance_m.push_back(cell.distance_m);
       table.azimuth_rad.push_back(cell.azimuth_rad);
+      table.rise_1pm.push_back(cell.rise_1pm);
+      table.fall_1pm.push_back(cell.fall_1pm);
       if (cell.distance_m <= c.disc) {
         table.near.push_back(at);
         continue;
       }
       const int end = cell.high + 1;
+      if (use_ == PolarUse::kRisk) {
+        table.entries.push_back({at, static_cast<std::uint16_t>(cell.low),
+                                 static_cast<std::uint16_t>(end > count ? end - count : end)});
+        if (end > count) {
+          table.wrapped.push_back(at);
+        }
+        continue;
+      }
       const std::size_t index = window_[static_cast<std::size_t>(end - cell.low)];
       const int width = widths_[index];
       const auto slot_of = [&](int first) {
         return static_cast<std::uint16_t>(static_cast<int>(index) * padded_to_lanes(count) +
                                           (first >= count ? first - count : first));
       };
-      table.entries.push_back(PolarEntry::packed(
-          at, static_cast<std::uint64_t>(cell.low),
-          static_cast<std::uint64_t>(end > count ? end - count : end), slot_of(cell.low)));
+      table.slots.push_back({at, slot_of(cell.low)});
       if (width < end - cell.low) {
-        table.further.push_back({at, slot_of(end - width)});
-      }
-      if (end > count) {
-        table.wrapped.push_back(at);
+        table.slots.push_back({at, slot_of(end - width)});
       }
     }
     if (table.distance_m.size() == begin) {
@@ -145,14 +162,17 @@ const PolarTable& HistogramTable::table_at(const Viewpoint& view) {
     table.rows.back().vectors = padded_to_lanes(cells) / kLanes;
     table.distance_m.resize(begin + static_cast<std::size_t>(padded_to_lanes(cells)), kFarAway_m);
     table.azimuth_rad.resize(table.distance_m.size(), 0.0F);
+    table.rise_1pm.resize(table.distance_m.size(), 0.0F);
+    table.fall_1pm.resize(table.distance_m.size(), 0.0F);
   }
+  interleave(table.slots);
   interleave(table.entries);
   return table;
 }
 
 void HistogramTable::compute(const geo::MapPoint& place, double altitude_m, double heading_math_rad,
                              double turn_radius_min_m, PolarHistogram& histogram, double reach_m) {
-  if (is_plain_ || !surroundings_->is_on_map(place)) {
+  if (tables_->climb.is_empty() || !surroundings_->is_on_map(place)) {
     plain_.compute(place, altitude_m, heading_math_rad, turn_radius_min_m, histogram, reach_m);
     return;
   }
@@ -163,20 +183,34 @@ void HistogramTable::compute(const geo::MapPoint& place, double altitude_m, doub
   HistogramTask task;
   task.constants = &c;
   task.question = &question;
-  task.table = &table_at(view);
+  task.table = &tables_->climb.at(view);
   task.surface_m = surroundings_->surface_m().row(view.row) + view.column;
-  task.risk = surroundings_->risk().row(view.row) + view.column;
-  task.widths = widths_.data();
-  task.width_count = static_cast<int>(widths_.size());
+  task.widths = tables_->climb.widths().data();
+  task.width_count = static_cast<int>(tables_->climb.widths().size());
   task.sectors = sectors().count();
   task.heading_sector = sectors().of_angle(heading_math_rad);
   task.tan_climb = histogram.tan_climb.data();
   task.tan_masked = histogram.tan_masked.data();
   task.tan_mask = histogram.tan_mask.data();
-  task.risk_of_sectors = histogram.risk.data();
-  task.risk_weight = histogram.risk_weight.data();
   kernels_.histogram(task, scratch_);
   histogram.tan_climb_near = task.tan_climb_near;
+
+  const Viewpoint risk_view = plain_.risk_constants().viewpoint(place.x_m, place.y_m);
+  if (risk_view_ != risk_view) {
+    sector_risk_.resize(histogram.risk.size());
+    sector_weight_.resize(histogram.risk.size());
+    RiskTask risk;
+    risk.constants = &plain_.risk_constants();
+    risk.table = &tables_->risk.at(risk_view);
+    risk.risk = surroundings_->risk().row(risk_view.row) + risk_view.column;
+    risk.sectors = sectors().count();
+    risk.sector_risk = sector_risk_.data();
+    risk.sector_weight = sector_weight_.data();
+    kernels_.risk(risk, scratch_);
+    risk_view_ = risk_view;
+  }
+  std::copy(sector_risk_.begin(), sector_risk_.end(), histogram.risk.begin());
+  std::copy(sector_weight_.begin(), sector_weight_.end(), histogram.risk_weight.begin());
 }
 
 }  // namespace hedgehop::local_planning

@@ -65,6 +65,20 @@ ProfileOptions read_climb_ahead(ConfigReader& reader) {
   return options;
 }
 
+RolloutOptions read_rollout(ConfigReader& reader) {
+  RolloutOptions options;
+  options.horizon_s = number_in(reader, "horizon_s", 4.0, 60.0, "must lie between 4 and 60");
+  options.sample_s = number_in(reader, "sample_s", 0.1, 0.5, "must lie between 0.1 and 0.5");
+  options.reach_rad = reader.required_angle("reach_deg");
+  reader.require(options.reach_rad >= 30.0 * kDegree_rad && options.reach_rad <= std::numbers::pi,
+                 "reach_deg", "must lie between 30 and 180");
+  options.lag_s = number_in(reader, "lag_s", 0.0, 3.0, "must lie between 0 and 3");
+  options.gain = not_negative(reader, "gain");
+  options.change_1prad = not_negative(reader, "change_1prad");
+  reader.finish();
+  return options;
+}
+
 VerticalPassOptions read_vertical_pass(ConfigReader& reader) {
   VerticalPassOptions options;
   options.is_used = reader.required_bool("use");
@@ -89,6 +103,9 @@ int whole_number(ConfigReader& reader, const char* key, int low, int high, const
 
 LocalOptions read_local_options(ConfigReader& reader) {
   LocalOptions options;
+  const std::string mode = reader.required_string("mode");
+  reader.require(mode == "tvfh" || mode == "rollout", "mode", "must be tvfh or rollout");
+  options.mode = mode == "tvfh" ? LocalMode::kTvfh : LocalMode::kRollout;
   options.step_s = number_in(reader, "step_s", 0.001, 0.2, "must lie between 0.001 and 0.2");
   options.window_m = number_in(reader, "window_m", 50.0, 20000.0, "must lie between 50 and 20000");
   options.sectors = whole_number(reader, "sectors", 8, 1024, "must lie between 8 and 1024");
@@ -128,6 +145,8 @@ LocalOptions read_local_options(ConfigReader& reader) {
   options.heading_indicator = read_indicator(heading);
   ConfigReader climb = reader.required_section("climb_indicator");
   options.climb_indicator = read_indicator(climb);
+  ConfigReader rollout = reader.required_section("rollout");
+  options.rollout = read_rollout(rollout);
   ConfigReader ahead = reader.required_section("climb_ahead");
   options.climb_ahead = read_climb_ahead(ahead);
   ConfigReader vertical = reader.required_section("vertical_pass");

@@ -23,10 +23,23 @@ using command_model::StateTrigonometry;
 
 constexpr double kExtraTime_s = 60.0;
 constexpr double kPassSpacing_m = 50.0;  // of the guide that a pass leaves to the next one
+constexpr double kHalfSample_m = 12.0;   // of a rollout: between its places, at up to 48 m/s
 constexpr int kStepsBetweenReports = 64;
 
 double disc_radius_m(const LocalOptions& options, double cell_m) {
   return options.safety_radius_m + 0.5 * std::numbers::sqrt2 * cell_m;
+}
+
+HistogramOptions histogram_options(const LocalOptions& options, int pass, double cell_m) {
+  return {options.window_m - pass * options.window_shrink_m,
+          options.sectors,
+          disc_radius_m(options, cell_m),
+          options.safety_height_m,
+          options.near_distance_m,
+          options.truncation_angle_rad,
+          options.truncation_distance_m,
+          options.arc_radius_max_factor,
+          options.is_arc_widened};
 }
 
 double distance_m(double dx_m, double dy_m) { return std::sqrt(dx_m * dx_m + dy_m * dy_m); }
@@ -97,9 +110,21 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
                  limits.climb_rate_max_mps));
 }
 
-Surroundings surroundings_of(const risk::CostModel& costs, const LocalOptions& options) {
-  return {costs, options.window_m, disc_radius_m(options, costs.map().geometry.cell_m),
-          options.semantics_weight, options.visibility_weight};
+LocalGround local_ground(const risk::CostModel& costs, const LocalOptions& options) {
+  const double cell_m = costs.map().geometry.cell_m;
+  LocalGround ground{{costs, options.window_m, disc_radius_m(options, cell_m),
+                      options.semantics_weight, options.visibility_weight},
+                     {}};
+  if (options.mode == LocalMode::kRollout) {
+    const double disc_m = disc_radius_m(options, cell_m);
+    ground.surroundings.pack(std::sqrt(disc_m * disc_m + kHalfSample_m * kHalfSample_m));
+    return ground;
+  }
+  for (int pass = 0; pass < options.passes; ++pass) {
+    ground.tables.push_back(
+        histogram_tables(ground.surroundings, histogram_options(options, pass, cell_m)));
+  }
+  return ground;
 }
 
 std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
@@ -109,17 +134,14 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                                const command_model::ModelState& initial,
                                                double speed_mps, const StepModel& step_model,
                                                Observer& observer, Kernel kernel) {
-  return fly_along(surroundings_of(costs, options), vehicle, options, guide, initial, speed_mps,
+  return fly_along(local_ground(costs, options), vehicle, options, guide, initial, speed_mps,
                    step_model, observer, kernel);
 }
 
-std::variant<Flight, flight::NoPlan> fly_along(const Surroundings& surroundings,
-                                               const command_model::Vehicle& vehicle,
-                                               const LocalOptions& options,
-                                               const std::vector<flight::Waypoint>& guide,
-                                               const command_model::ModelState& initial,
-                                               double speed_mps, const StepModel& step_model,
-                                               Observer& observer, Kernel kernel) {
+std::variant<Flight, flight::NoPlan> fly_along(
+    const LocalGround& ground, const command_model::Vehicle& vehicle, const LocalOptions& options,
+    const std::vector<flight::Waypoint>& guide, const command_model::ModelState& initial,
+    double speed_mps, const StepModel& step_model, Observer& observer, Kernel kernel) {
   const flight::Limits& limits = vehicle.limits;
   if (!is_finite(initial)) {
     throw std::invalid_argument("the state at the start must be finite");
@@ -129,6 +151,7 @@ std::variant<Flight, flight::NoPlan> fly_along(const Surroundings& surroundings,
     throw std::invalid_argument("speed " + std::to_string(speed_mps) +
                                 " m/s is outside the vehicle's limits");
   }
+  const Surroundings& surroundings = ground.surroundings;
   const CommandModel model(vehicle);
   const CommandModel::StepConstants step_constants = model.step_constants(options.step_s);
   Flight flight;
@@ -136,17 +159,13 @@ std::variant<Flight, flight::NoPlan> fly_along(const Surroundings& surroundings,
   std::vector<flight::Waypoint> points = guide;
   for (int pass = 0; pass < options.passes; ++pass) {
     const Guide line(points);
-    const double window_m = options.window_m - pass * options.window_shrink_m;
-    const HistogramOptions histogram{window_m,
-                                     options.sectors,
-                                     disc_radius_m(options, surroundings.geometry().cell_m),
-                                     options.safety_height_m,
-                                     options.near_distance_m,
-                                     options.truncation_angle_rad,
-                                     options.truncation_distance_m,
-                                     options.arc_radius_max_factor,
-                                     options.is_arc_widened};
-    Decider decider(surroundings, line, model, options, histogram, speed_mps, initial, kernel);
+    const HistogramOptions histogram =
+        histogram_options(options, pass, surroundings.geometry().cell_m);
+    const auto tables = options.mode == LocalMode::kTvfh
+                            ? ground.tables.at(static_cast<std::size_t>(pass))
+                            : nullptr;
+    Decider decider(surroundings, tables, line, model, options, histogram, speed_mps, initial,
+                    kernel);
     GoalWatch goal(line, options.goal_radius_m);
     const auto steps_max = static_cast<std::int64_t>(
         (options.length_factor_max * line.length_m() / speed_mps + kExtraTime_s) / options.step_s);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <variant>
 #include <vector>
 
@@ -12,7 +13,9 @@
 #include "flight/route.hpp"
 #include "local_planning/climb_profile.hpp"
 #include "local_planning/direction.hpp"
+#include "local_planning/histogram_table.hpp"
 #include "local_planning/indicator.hpp"
+#include "local_planning/rollout.hpp"
 #include "local_planning/step_kernels.hpp"
 #include "local_planning/surroundings.hpp"
 #include "risk/cost_model.hpp"
@@ -29,8 +32,12 @@ struct VerticalPassOptions {
   double rate_share = 0.0;          // of its climb and descent rates, (0, 1]
 };
 
+/// How directions are judged: by the histogram of TVFH+, as in the paper, or by rolled-out flights.
+enum class LocalMode : std::uint8_t { kTvfh, kRollout };
+
 /// Section `local` of the planning config.
 struct LocalOptions {
+  LocalMode mode = LocalMode::kTvfh;
   double step_s = 0.0;                 // of the command model and of the decisions, (0, 0.2]
   double window_m = 0.0;               // w, radius of the active window
   int sectors = 0;                     // K, 8 to 1024
@@ -59,6 +66,7 @@ struct LocalOptions {
   IndicatorOptions heading_indicator;
   IndicatorOptions climb_indicator;
   ProfileOptions climb_ahead;
+  RolloutOptions rollout;
   VerticalPassOptions vertical_pass;
   bool is_compared_with_following = false;  // the flight that follows the guide plainly is flown
                                             // too, and taken where it costs less
@@ -92,11 +100,11 @@ using StepModel = std::function<command_model::ModelState(
 command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
                                          double speed_mps, const flight::Limits& limits);
 
-/// Flies the command model along a guide with TVFH+ (all passes).
+/// Flies the command model along a guide with TVFH+ or rollouts (all passes).
 ///
-/// Each step: project the place on the guide, take the target `look_ahead_m` further, compute the
-/// polar histogram, choose the cheapest feasible direction, let the heading indicator follow it,
-/// and command the climb
+/// Each step of TVFH+: project the place on the guide, take the target `look_ahead_m` further,
+/// compute the polar histogram, choose the cheapest feasible direction, let the heading indicator
+/// follow it, and command the climb
 ///
 ///     t_cmd = max(t[k_cmd], min(t[k_chi], tau_max), t_goal, tan gamma_min, climb_ahead)
 ///
@@ -107,6 +115,10 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// the present heading. If no sector is feasible, the one with the least climb within 108 degrees
 /// is commanded, with all the climb there is, at `slow_speed_mps`. Flight slows down as well when
 /// the climb ahead needs more than the vehicle has.
+///
+/// A step of the rollout mode chooses the direction by Rollout; t[k_cmd] and t[k_chi] are replaced
+/// by the climb along the heading commanded before. If that heading is not feasible any more, the
+/// chosen one is commanded and the indicator starts again.
 ///
 /// Risk and climb costs bend the flight only near the guide: they count with the share
 /// max(0, 1 - (offset / corridor)^2) of the distance to it, so that no weight makes the flight
@@ -132,12 +144,17 @@ std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
                                                double speed_mps, const StepModel& step_model,
                                                Observer& observer, Kernel kernel = Kernel::kBest);
 
-/// The layers that flights along any guide on a map share, for these options.
-Surroundings surroundings_of(const risk::CostModel& costs, const LocalOptions& options);
+/// What flights along any guide on a map share; immutable.
+struct LocalGround {
+  Surroundings surroundings;
+  std::vector<std::shared_ptr<const HistogramTables>> tables;  // by pass; empty for rollouts
+};
+LocalGround local_ground(const risk::CostModel& costs, const LocalOptions& options);
 
-/// The same for many flights on one map: `surroundings` come from surroundings_of() with options of
-/// the same window, safety radius and weights of the risk.
-std::variant<Flight, flight::NoPlan> fly_along(const Surroundings& surroundings,
+/// The same for many flights on one map. The options may differ from those of local_ground() in
+/// what concerns neither window, sectors, passes, safety radius, mode, arcs nor weights of the
+/// risk.
+std::variant<Flight, flight::NoPlan> fly_along(const LocalGround& ground,
                                                const command_model::Vehicle& vehicle,
                                                const LocalOptions& options,
                                                const std::vector<flight::Waypoint>& guide,

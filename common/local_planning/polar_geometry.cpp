@@ -68,15 +68,18 @@ int Sectors::of_direction(double x, double y) const {
   return sector == count_ ? 0 : sector;
 }
 
-PolarConstants::PolarConstants(const HistogramOptions& options,
+PolarConstants::PolarConstants(PolarUse use, const HistogramOptions& options,
                                const raster::GridGeometry& geometry, double greatest_risk)
     : west_m(geometry.west_m),
       south_m(geometry.south_m),
       cell_m(geometry.cell_m),
-      subcells(std::max(1, static_cast<int>(std::ceil(geometry.cell_m / kSubcell_m)))),
+      subcells(std::max(
+          1, static_cast<int>(std::ceil(geometry.cell_m /
+                                        (use == PolarUse::kClimb ? kSubcell_m : kRiskSubcell_m))))),
       subcell_m(geometry.cell_m / subcells),
       window_m(options.window_m),
-      disc_m(options.disc_radius_m + 0.5 * std::numbers::sqrt2 * subcell_m),
+      disc_m(options.disc_radius_m +
+             (use == PolarUse::kClimb ? 0.5 * std::numbers::sqrt2 * subcell_m : 0.0)),
       safety_height_m(options.safety_height_m),
       arc_radius_max_factor(options.arc_radius_max_factor),
       widened_m(options.is_arc_widened ? disc_m : 0.0),
@@ -111,6 +114,8 @@ PolarCell polar_cell(const PolarConstants& constants, const Sectors& sectors, do
   if (needs_azimuth) {
     cell.azimuth_rad = static_cast<float>(elementary::atan2(dy_m, dx_m));
   }
+  cell.rise_1pm = 1.0F / std::max(cell.distance_m - constants.disc, constants.near);
+  cell.fall_1pm = 1.0F / (cell.distance_m + constants.disc);
   if (cell.distance_m <= constants.disc) {
     return cell;
   }

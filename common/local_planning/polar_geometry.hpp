@@ -46,8 +46,11 @@ struct HistogramOptions {
   bool is_arc_widened = false;         // [r_min, r_max] widened by r_s
 };
 
-/// Greatest side of the squares that the place of the helicopter is told apart by [m].
+/// Greatest side of the squares that the place of the helicopter is told apart by [m]: for climbs,
+/// and for risks, which are means over many cells.
 inline constexpr double kSubcell_m = 4.0;
+inline constexpr double kRiskSubcell_m = 16.0;
+enum class PolarUse : std::uint8_t { kClimb, kRisk };
 /// Arrays over sectors have a multiple of this many entries.
 inline constexpr int kLanes = 16;
 
@@ -59,12 +62,14 @@ struct Viewpoint {
   int row = 0;
   int sub_column = 0;
   int sub_row = 0;
+
+  bool operator==(const Viewpoint&) const = default;
 };
 
 /// Numbers that a histogram needs for each cell, made from its options and the raster.
 struct PolarConstants {
-  PolarConstants(const HistogramOptions& options, const raster::GridGeometry& geometry,
-                 double risk_max);
+  PolarConstants(PolarUse use, const HistogramOptions& options,
+                 const raster::GridGeometry& geometry, double risk_max);
 
   [[nodiscard]] Viewpoint viewpoint(double x_m, double y_m) const;
   /// Centre of the sub-cell, from the cell's south-west corner [m].
@@ -76,7 +81,7 @@ struct PolarConstants {
   int subcells;  // a side
   double subcell_m;
   double window_m;
-  double disc_m;  // r_s, half a sub-cell's diagonal included
+  double disc_m;  // r_s; for climbs half a sub-cell's diagonal included
   double safety_height_m;
   double arc_radius_max_factor;
   double widened_m;
@@ -102,6 +107,8 @@ inline std::uint32_t nearest_whole(float value) {
 struct PolarCell {
   float distance_m = 0.0F;
   float azimuth_rad = 0.0F;
+  float rise_1pm = 0.0F;  // 1 / max(d - r_s, eps)
+  float fall_1pm = 0.0F;  // 1 / (d + r_s)
   int low = 0;   // sectors low..high, high < low + K; nothing if the cell is within the disc
   int high = 0;  // may be K or more
 };

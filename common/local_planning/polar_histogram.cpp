@@ -35,7 +35,10 @@ void PolarHistogram::resize(int sectors) {
 HistogramKernel::HistogramKernel(const Surroundings& surroundings, const HistogramOptions& options)
     : surroundings_(&surroundings),
       sectors_(options.sectors),
-      constants_(options, surroundings.geometry(), surroundings.risk_max()),
+      constants_(PolarUse::kClimb, options, surroundings.geometry(), surroundings.risk_max()),
+      risk_constants_(PolarUse::kRisk, options, surroundings.geometry(), surroundings.risk_max()),
+      sector_risk_(static_cast<std::size_t>(options.sectors)),
+      sector_weight_(static_cast<std::size_t>(options.sectors)),
       risk_(static_cast<std::size_t>(options.sectors + 1)),
       weight_(static_cast<std::size_t>(options.sectors + 1)) {}
 
@@ -47,8 +50,6 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
   histogram.resize(count);
   std::fill_n(histogram.tan_climb.begin(), size, kNothing);
   std::fill_n(histogram.tan_mask.begin(), size, kNothing);
-  std::fill(risk_.begin(), risk_.end(), 0);
-  std::fill(weight_.begin(), weight_.end(), 0);
   histogram.tan_climb_near = kNothing;
 
   const PolarConstants& c = constants_;
@@ -69,7 +70,6 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
   for (int row = row_low; row <= row_high; ++row) {
     const double dy_m = (row + 0.5) * c.cell_m - within_y_m;
     const float* surface_m = surroundings_->surface_m().row(view.row + row) + view.column;
-    const float* risk = surroundings_->risk().row(view.row + row) + view.column;
     for (int column = column_low; column <= column_high; ++column) {
       const double dx_m = (column + 0.5) * c.cell_m - within_x_m;
       const double d_m2 = dx_m * dx_m + dy_m * dy_m;
@@ -87,14 +87,9 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
         continue;
       }
       const float too_high_m = surface_m[column] - question.floor_m;  // N
-      const float tangent = tangent_of(too_high_m, d_m, c.disc, c.near);
-      const float share = std::max(1.0F - d_m * d_m * c.inverse_window2, 0.0F);
-      const auto weight = nearest_whole(share * c.weight_scale);
-      const auto weighted_risk = nearest_whole(share * risk[column] * c.risk_scale);
+      const float tangent = too_high_m * (too_high_m > 0.0F ? cell.rise_1pm : cell.fall_1pm) + 0.0F;
       if (d_m <= c.disc) {
         histogram.tan_climb_near = std::max(histogram.tan_climb_near, tangent);
-        risk_[0] += weighted_risk;
-        weight_[0] += weight;
         continue;
       }
       const float turned_rad = cell.azimuth_rad - question.heading_rad;
@@ -107,14 +102,6 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
       for (std::size_t k = low; k < end; ++k) {
         float& climb = histogram.tan_climb[k < size ? k : k - size];
         climb = std::max(climb, tangent);
-      }
-      risk_[low] += weighted_risk;
-      weight_[low] += weight;
-      risk_[end <= size ? end : end - size] -= weighted_risk;
-      weight_[end <= size ? end : end - size] -= weight;
-      if (end > size) {
-        risk_[0] += weighted_risk;
-        weight_[0] += weight;
       }
 
       if (!needs_azimuth || off_rad >= kQuarterPi_f || off_rad < kStraightAhead_rad) {
@@ -141,16 +128,63 @@ void HistogramKernel::compute(const geo::MapPoint& place, double altitude_m,
     }
   }
 
+  const Viewpoint risk_view = risk_constants_.viewpoint(place.x_m, place.y_m);
+  if (risk_view_ != risk_view) {
+    compute_risk(risk_view);
+    risk_view_ = risk_view;
+  }
+  std::copy(sector_risk_.begin(), sector_risk_.end(), histogram.risk.begin());
+  std::copy(sector_weight_.begin(), sector_weight_.end(), histogram.risk_weight.begin());
+  apply_mask(sectors_.of_angle(heading_math_rad), count, histogram);
+}
+
+void HistogramKernel::compute_risk(const Viewpoint& view) {
+  const PolarConstants& c = risk_constants_;
+  const auto size = static_cast<std::size_t>(sectors_.count());
+  std::fill(risk_.begin(), risk_.end(), 0);
+  std::fill(weight_.begin(), weight_.end(), 0);
+  const double within_x_m = c.within_cell_m(view.sub_column);
+  const double within_y_m = c.within_cell_m(view.sub_row);
+  const raster::GridGeometry& geometry = surroundings_->geometry();
+  const int reach_cells = static_cast<int>(c.window_m / c.cell_m) + 1;
+  for (int row = std::max(-reach_cells, -view.row);
+       row <= std::min(reach_cells, geometry.rows - 1 - view.row); ++row) {
+    const double dy_m = (row + 0.5) * c.cell_m - within_y_m;
+    const float* risk = surroundings_->risk().row(view.row + row) + view.column;
+    for (int column = std::max(-reach_cells, -view.column);
+         column <= std::min(reach_cells, geometry.columns - 1 - view.column); ++column) {
+      const double dx_m = (column + 0.5) * c.cell_m - within_x_m;
+      if (dx_m * dx_m + dy_m * dy_m > c.window_m * c.window_m) {
+        continue;
+      }
+      const PolarCell cell = polar_cell(c, sectors_, dx_m, dy_m, false);
+      const float d_m = cell.distance_m;
+      const float share = std::max(1.0F - d_m * d_m * c.inverse_window2, 0.0F);
+      const std::uint32_t weight = nearest_whole(share * c.weight_scale);
+      const std::uint32_t weighted_risk = nearest_whole(share * risk[column] * c.risk_scale);
+      const auto low = static_cast<std::size_t>(cell.low);
+      const auto end = static_cast<std::size_t>(cell.high) + 1;
+      if (d_m <= c.disc || end > size) {
+        risk_[0] += weighted_risk;
+        weight_[0] += weight;
+      }
+      if (d_m > c.disc) {
+        risk_[low] += weighted_risk;
+        weight_[low] += weight;
+        risk_[end <= size ? end : end - size] -= weighted_risk;
+        weight_[end <= size ? end : end - size] -= weight;
+      }
+    }
+  }
   std::int64_t risk_sum = 0;
   std::int64_t weight_sum = 0;
   for (std::size_t k = 0; k < size; ++k) {
     risk_sum += risk_[k];
     weight_sum += weight_[k];
     const auto weight = static_cast<float>(weight_sum);
-    histogram.risk_weight[k] = weight / c.weight_scale;
-    histogram.risk[k] = weight_sum > 0 ? static_cast<float>(risk_sum) / weight * c.risk_max : 0.0F;
+    sector_weight_[k] = weight / c.weight_scale;
+    sector_risk_[k] = weight_sum > 0 ? static_cast<float>(risk_sum) / weight * c.risk_max : 0.0F;
   }
-  apply_mask(sectors_.of_angle(heading_math_rad), count, histogram);
 }
 
 void apply_mask(int heading_sector, int count, PolarHistogram& histogram) {

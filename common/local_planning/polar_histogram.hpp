@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "local_planning/polar_geometry.hpp"
@@ -53,6 +54,9 @@ struct PolarHistogram {
 /// r_s  the disc radius of the options plus half the diagonal of a sub-cell: what is asked for is
 ///      enough wherever in its sub-cell the helicopter is
 ///
+/// Risks are told apart by squares of at most kRiskSubcell_m and seen from their centres, with the
+/// plain disc radius; they neither depend on heading nor reach.
+///
 /// Which sectors a cell belongs to is decided in double precision, tangents and masks are single
 /// precision, sums of risk are fixed-point numbers: they do not depend on the order of the cells.
 ///
@@ -69,18 +73,26 @@ class HistogramKernel {
 
   /// @param turn_radius_min_m  r_min of the coordinated turn at the present speed
   /// @param histogram          overwritten; memory is reused
-  /// @param reach_m            cells further away than this are left out even within the window
+  /// @param reach_m            climbs over cells further away than this are left out even within
+  ///                           the window
   void compute(const geo::MapPoint& place, double altitude_m, double heading_math_rad,
                double turn_radius_min_m, PolarHistogram& histogram,
                double reach_m = std::numeric_limits<double>::infinity());
 
   [[nodiscard]] const Sectors& sectors() const { return sectors_; }
   [[nodiscard]] const PolarConstants& constants() const { return constants_; }
+  [[nodiscard]] const PolarConstants& risk_constants() const { return risk_constants_; }
 
  private:
+  void compute_risk(const Viewpoint& view);
+
   const Surroundings* surroundings_;
   Sectors sectors_;
   PolarConstants constants_;
+  PolarConstants risk_constants_;
+  std::optional<Viewpoint> risk_view_;  // that of the risks below
+  std::vector<float> sector_risk_;
+  std::vector<float> sector_weight_;
   std::vector<std::int64_t> risk_;    // K + 1, differences
   std::vector<std::int64_t> weight_;  // K + 1, differences
 };

@@ -1,8 +1,11 @@
 #include "local_planning/step_kernels.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "local_planning/surroundings.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "local_planning/step_kernels.cpp"
@@ -19,10 +22,11 @@ using UintTag = hn::RebindToUnsigned<FloatTag>;
 using Floats = hn::Vec<FloatTag>;
 using FloatMask = hn::Mask<FloatTag>;
 
+constexpr std::size_t kMaskTurns = 4;
 constexpr float kNothing = -std::numeric_limits<float>::infinity();
 
-template <typename T>
-HWY_INLINE T* with_room(std::vector<T>& memory, std::size_t count) {
+template <typename Memory>
+HWY_INLINE typename Memory::value_type* with_room(Memory& memory, std::size_t count) {
   if (memory.size() < count) {
     memory.resize(count);
   }
@@ -45,24 +49,18 @@ HWY_INLINE Floats tangent_of(Floats too_high, Floats distance, Floats disc, Floa
   return hn::Add(hn::Div(too_high, run), zero);
 }
 
-// Tangents and shares of all cells; where in the rows there are cells ahead that may mask.
-// Returns how many such places there are.
+// Tangents of all cells; the places in the rows where there are cells that may mask. Returns how
+// many such places there are.
 template <bool kHasReach>
 HWY_INLINE std::size_t scan_rows(const HistogramTask& task, float* HWY_RESTRICT tangents,
-                                 std::uint64_t* HWY_RESTRICT shares, PolarRow* HWY_RESTRICT ahead) {
+                                 PolarRow* HWY_RESTRICT ahead) {
   const FloatTag tag;
-  const UintTag uint_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const PolarConstants& c = *task.constants;
   const PolarQuestion& q = *task.question;
   const Floats zero = hn::Zero(tag);
-  const Floats one = hn::Set(tag, 1.0F);
   const Floats floor = hn::Set(tag, q.floor_m);
   const Floats disc = hn::Set(tag, c.disc);
-  const Floats near = hn::Set(tag, c.near);
-  const Floats inverse_window2 = hn::Set(tag, c.inverse_window2);
-  const Floats weight_scale = hn::Set(tag, c.weight_scale);
-  const Floats risk_scale = hn::Set(tag, c.risk_scale);
   const Floats heading = hn::Set(tag, q.heading_rad);
   const Floats full_turn = hn::Set(tag, kTwoPi_f);
   const Floats quarter_pi = hn::Set(tag, kQuarterPi_f);
@@ -70,18 +68,22 @@ HWY_INLINE std::size_t scan_rows(const HistogramTask& task, float* HWY_RESTRICT 
   const Floats truncation_angle = hn::Set(tag, c.truncation_angle);
   const Floats reach = hn::Set(tag, q.reach_m);
   const Floats nothing = hn::Set(tag, kNothing);
+  // An arc is at most 1.11 times as long as its chord.
+  const Floats least_distance = hn::Set(tag, q.arc_min * (1.0F / 1.12F));
   const float* HWY_RESTRICT distances = task.table->distance_m.data();
   const float* HWY_RESTRICT azimuths = task.table->azimuth_rad.data();
+  const float* HWY_RESTRICT rises = task.table->rise_1pm.data();
+  const float* HWY_RESTRICT falls = task.table->fall_1pm.data();
   std::size_t found = 0;
   std::int32_t at = 0;
   for (const PolarRow& row : task.table->rows) {
     const float* HWY_RESTRICT surface = task.surface_m + row.first;
-    const float* HWY_RESTRICT risks = task.risk + row.first;
     for (int i = 0; i < row.vectors * kLanes; i += lanes, at += lanes) {
       const Floats d = hn::LoadU(tag, distances + at);
       const Floats too_high = hn::Sub(hn::LoadU(tag, surface + i), floor);
-      Floats tangent = tangent_of(too_high, d, disc, near);
-      Floats share = hn::Max(hn::Sub(one, hn::Mul(hn::Mul(d, d), inverse_window2)), zero);
+      const Floats per_metre = hn::IfThenElse(hn::Gt(too_high, zero), hn::LoadU(tag, rises + at),
+                                              hn::LoadU(tag, falls + at));
+      const Floats tangent = hn::Add(hn::Mul(too_high, per_metre), zero);
       const Floats turned_abs = hn::Abs(hn::Sub(hn::LoadU(tag, azimuths + at), heading));
       const Floats off = hn::Min(turned_abs, hn::Sub(full_turn, turned_abs));
       FloatMask is_out = hn::And(
@@ -89,25 +91,58 @@ HWY_INLINE std::size_t scan_rows(const HistogramTask& task, float* HWY_RESTRICT 
       if constexpr (kHasReach) {
         is_out = hn::Or(is_out, hn::Gt(d, reach));
       }
-      tangent = hn::IfThenElse(is_out, nothing, tangent);
-      share = hn::IfThenZeroElse(is_out, share);
-      const Floats risk = hn::Mul(hn::Mul(share, hn::LoadU(tag, risks + i)), risk_scale);
-      hn::StoreU(tangent, tag, tangents + at);
-      hn::StoreInterleaved2(whole(hn::Mul(share, weight_scale)), whole(risk), uint_tag,
-                            reinterpret_cast<std::uint32_t*>(shares + at));
+      hn::StoreU(hn::IfThenElse(is_out, nothing, tangent), tag, tangents + at);
       ahead[found] = {row.first + i, at};
-      found += hn::AllFalse(tag, hn::Lt(off, quarter_pi)) ? 0 : 1;
+      found += hn::AllFalse(
+                   tag, hn::And(hn::Lt(off, quarter_pi), hn::Ge(d, hn::Mul(off, least_distance))))
+                   ? 0
+                   : 1;
     }
   }
   return found;
 }
 
+// Gathers the cells that may mask. Returns how many there are.
+HWY_INLINE std::size_t gather_ahead(const HistogramTask& task, const PolarRow* HWY_RESTRICT ahead,
+                                    std::size_t count, float* HWY_RESTRICT distance,
+                                    float* HWY_RESTRICT turned_by, float* HWY_RESTRICT height) {
+  const FloatTag tag;
+  const PolarQuestion& q = *task.question;
+  const Floats heading = hn::Set(tag, q.heading_rad);
+  const Floats least_distance = hn::Set(tag, q.arc_min * (1.0F / 1.12F));
+  const Floats disc = hn::Set(tag, task.constants->disc);
+  const Floats reach = hn::Set(tag, q.reach_m);
+  const Floats floor = hn::Set(tag, q.floor_m);
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t at = ahead[i].vectors;
+    const Floats d = hn::LoadU(tag, task.table->distance_m.data() + at);
+    const Floats turned = hn::Sub(hn::LoadU(tag, task.table->azimuth_rad.data() + at), heading);
+    const Floats turned_abs = hn::Abs(turned);
+    const Floats off = hn::Min(turned_abs, hn::Sub(hn::Set(tag, kTwoPi_f), turned_abs));
+    const FloatMask is_ahead = hn::And(hn::And(hn::Lt(off, hn::Set(tag, kQuarterPi_f)),
+                                               hn::Ge(off, hn::Set(tag, kStraightAhead_rad))),
+                                       hn::And(hn::Ge(d, hn::Mul(off, least_distance)),
+                                               hn::And(hn::Gt(d, disc), hn::Le(d, reach))));
+    const Floats too_high = hn::Sub(hn::LoadU(tag, task.surface_m + ahead[i].first), floor);
+    hn::StoreU(hn::Compress(d, is_ahead), tag, distance + found);
+    hn::StoreU(hn::Compress(turned, is_ahead), tag, turned_by + found);
+    hn::StoreU(hn::Compress(too_high, is_ahead), tag, height + found);
+    found += hn::CountTrue(tag, is_ahead);
+  }
+  return found;
+}
+
 // Tangents of the arc mask with their sectors, in no order. Returns how many there are.
-HWY_INLINE std::size_t scan_ahead(const HistogramTask& task, const PolarRow* HWY_RESTRICT ahead,
-                                  std::size_t count, std::int32_t* HWY_RESTRICT mask_sectors,
-                                  float* HWY_RESTRICT mask_tangents) {
+HWY_INLINE std::size_t arc_masks(const HistogramTask& task, std::size_t count,
+                                 const float* HWY_RESTRICT distance,
+                                 const float* HWY_RESTRICT turned_by,
+                                 const float* HWY_RESTRICT height,
+                                 std::int32_t* HWY_RESTRICT mask_sectors,
+                                 float* HWY_RESTRICT mask_tangents) {
   const FloatTag tag;
   const IntTag int_tag;
+  const auto lanes = static_cast<std::size_t>(hn::Lanes(tag));
   const PolarConstants& c = *task.constants;
   const PolarQuestion& q = *task.question;
   const Floats zero = hn::Zero(tag);
@@ -118,10 +153,9 @@ HWY_INLINE std::size_t scan_ahead(const HistogramTask& task, const PolarRow* HWY
   const Floats heading = hn::Set(tag, q.heading_rad);
   const auto sectors = hn::Set(int_tag, task.sectors);
   std::size_t found = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::int32_t at = ahead[i].vectors;
-    const Floats d = hn::LoadU(tag, task.table->distance_m.data() + at);
-    const Floats turned = hn::Sub(hn::LoadU(tag, task.table->azimuth_rad.data() + at), heading);
+  for (std::size_t i = 0; i < count; i += lanes) {
+    const Floats d = hn::LoadU(tag, distance + i);
+    const Floats turned = hn::LoadU(tag, turned_by + i);
     const Floats turned_abs = hn::Abs(turned);
     const Floats off = hn::Min(turned_abs, hn::Sub(hn::Set(tag, kTwoPi_f), turned_abs));
     const Floats off2 = hn::Mul(off, off);
@@ -134,13 +168,8 @@ HWY_INLINE std::size_t scan_ahead(const HistogramTask& task, const PolarRow* HWY
     const Floats bend = hn::Sub(one, hn::Mul(off, hn::Set(tag, kFourOverPi_f)));
     const Floats arc_max =
         hn::Add(hn::Set(tag, q.arc_max), hn::Mul(hn::Set(tag, q.arc_spread), bend));
-    const FloatMask is_ahead =
-        hn::And(hn::And(hn::Lt(off, hn::Set(tag, kQuarterPi_f)),
-                        hn::Ge(off, hn::Set(tag, kStraightAhead_rad))),
-                hn::And(hn::Gt(d, disc), hn::Le(d, hn::Set(tag, q.reach_m))));
-    const FloatMask is_masking =
-        hn::And(is_ahead, hn::And(hn::Ge(arc, hn::Mul(off, hn::Set(tag, q.arc_min))),
-                                  hn::Le(arc, hn::Mul(off, arc_max))));
+    const FloatMask is_masking = hn::And(hn::Ge(arc, hn::Mul(off, hn::Set(tag, q.arc_min))),
+                                         hn::Le(arc, hn::Mul(off, arc_max)));
     const FloatMask is_right =
         hn::Xor(hn::Gt(turned, zero), hn::Lt(turned_abs, hn::Set(tag, kPi_f)));
     const Floats twice = hn::Add(off, off);
@@ -150,13 +179,13 @@ HWY_INLINE std::size_t scan_ahead(const HistogramTask& task, const PolarRow* HWY
     const auto sector =
         hn::IfThenElse(hn::Lt(index, hn::Zero(int_tag)), hn::Add(index, sectors),
                        hn::IfThenElse(hn::Lt(index, sectors), index, hn::Sub(index, sectors)));
-    const Floats too_high =
-        hn::Sub(hn::LoadU(tag, task.surface_m + ahead[i].first), hn::Set(tag, q.floor_m));
-    hn::StoreU(hn::Compress(sector, hn::RebindMask(int_tag, is_masking)), int_tag,
+    const Floats tangent = tangent_of(hn::LoadU(tag, height + i), arc, disc, near);
+    const FloatMask is_one = hn::And(is_masking, hn::Lt(hn::Iota(tag, static_cast<float>(i)),
+                                                        hn::Set(tag, static_cast<float>(count))));
+    hn::StoreU(hn::Compress(sector, hn::RebindMask(int_tag, is_one)), int_tag,
                mask_sectors + found);
-    hn::StoreU(hn::Compress(tangent_of(too_high, arc, disc, near), is_masking), tag,
-               mask_tangents + found);
-    found += hn::CountTrue(tag, is_masking);
+    hn::StoreU(hn::Compress(tangent, is_one), tag, mask_tangents + found);
+    found += hn::CountTrue(tag, is_one);
   }
   return found;
 }
@@ -184,7 +213,8 @@ HWY_INLINE void resolve_windows(const HistogramTask& task, float* HWY_RESTRICT w
   }
 }
 
-// Algorithm 1 on both sides of the heading: `wide` is what each sector takes, from the heading on.
+// Algorithm 1 on both sides of the heading: `wide` is what each sector takes,
+// from the heading on.
 HWY_INLINE void mask_sectors_aside(const HistogramTask& task, float* HWY_RESTRICT wide) {
   const FloatTag tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
@@ -229,79 +259,116 @@ HWY_INLINE void mask_sectors_aside(const HistogramTask& task, float* HWY_RESTRIC
 
 void histogram_kernel(HistogramTask& task, HistogramScratch& scratch) {
   const FloatTag tag;
-  const IntTag int_tag;
-  const int lanes = static_cast<int>(hn::Lanes(tag));
-  const PolarConstants& c = *task.constants;
+  const auto lanes = static_cast<std::size_t>(hn::Lanes(tag));
   const PolarTable& table = *task.table;
   const int count = task.sectors;
   const auto padded = static_cast<std::size_t>(padded_to_lanes(count));
   const std::size_t cells = table.distance_m.size();
   const std::size_t slots = static_cast<std::size_t>(task.width_count) * padded;
   float* HWY_RESTRICT tangents = with_room(scratch.tangents, cells);
-  std::uint64_t* HWY_RESTRICT shares = with_room(scratch.shares, cells);
   float* HWY_RESTRICT windows = with_room(scratch.windows, slots);
   float* HWY_RESTRICT wide = with_room(scratch.wide, 2 * padded + 2 * kLanes);
-  std::uint64_t* HWY_RESTRICT differences = with_room(scratch.differences, padded + kLanes);
-  std::int32_t* HWY_RESTRICT mask_sectors = with_room(scratch.mask_sectors, cells + kLanes);
-  float* HWY_RESTRICT mask_tangents = with_room(scratch.mask_tangents, cells + kLanes);
+  PolarRow* HWY_RESTRICT ahead = with_room(scratch.ahead, cells / lanes + 1);
 
-  PolarRow* HWY_RESTRICT ahead =
-      with_room(scratch.ahead, cells / static_cast<std::size_t>(lanes) + 1);
-  const std::size_t places = task.question->reach_m < static_cast<float>(c.window_m)
-                                 ? scan_rows<true>(task, tangents, shares, ahead)
-                                 : scan_rows<false>(task, tangents, shares, ahead);
-  const std::size_t masking = scan_ahead(task, ahead, places, mask_sectors, mask_tangents);
+  const std::size_t places = task.question->reach_m < static_cast<float>(task.constants->window_m)
+                                 ? scan_rows<true>(task, tangents, ahead)
+                                 : scan_rows<false>(task, tangents, ahead);
+  const std::size_t room = places * lanes + kLanes;
+  float* HWY_RESTRICT distance = with_room(scratch.ahead_distance, room);
+  float* HWY_RESTRICT turned = with_room(scratch.ahead_turned, room);
+  float* HWY_RESTRICT height = with_room(scratch.ahead_height, room);
+  const std::size_t gathered = gather_ahead(task, ahead, places, distance, turned, height);
 
   const Floats nothing = hn::Set(tag, kNothing);
-  for (std::size_t i = 0; i < slots; i += static_cast<std::size_t>(lanes)) {
+  for (std::size_t i = 0; i < slots; i += lanes) {
     hn::StoreU(nothing, tag, windows + i);
   }
-  for (std::size_t i = 0; i < padded; i += static_cast<std::size_t>(lanes)) {
-    hn::StoreU(nothing, tag, task.tan_mask + i);
-  }
-  std::fill_n(differences, padded + 1, 0);
-  for (const std::uint64_t entry : table.entries) {
-    const std::uint64_t cell = PolarEntry::cell(entry);
-    float& window = windows[PolarEntry::slot(entry)];
-    window = std::max(window, tangents[cell]);
-    const std::uint64_t share = shares[cell];
-    differences[PolarEntry::low(entry)] += share;
-    differences[PolarEntry::end(entry)] -= share;
-  }
-  for (const PolarSlot& slot : table.further) {
+  for (const PolarSlot slot : table.slots) {
     windows[slot.slot] = std::max(windows[slot.slot], tangents[slot.cell]);
-  }
-  std::uint64_t sum = 0;
-  for (const std::uint16_t cell : table.wrapped) {
-    sum += shares[cell];
   }
   float climb_near = kNothing;
   for (const std::uint16_t cell : table.near) {
-    sum += shares[cell];
     climb_near = std::max(climb_near, tangents[cell]);
   }
   task.tan_climb_near = climb_near;
+
+  std::int32_t* HWY_RESTRICT mask_sectors = with_room(scratch.mask_sectors, room);
+  float* HWY_RESTRICT mask_tangents = with_room(scratch.mask_tangents, room);
+  const std::size_t masking =
+      arc_masks(task, gathered, distance, turned, height, mask_sectors, mask_tangents);
+  // Neighbours mask the same sectors: taking turns, their stores need not wait for each other.
+  float* HWY_RESTRICT masks = with_room(scratch.masks, kMaskTurns * padded);
+  for (std::size_t i = 0; i < kMaskTurns * padded; i += lanes) {
+    hn::StoreU(nothing, tag, masks + i);
+  }
   for (std::size_t i = 0; i < masking; ++i) {
-    float& mask = task.tan_mask[mask_sectors[i]];
+    float& mask = masks[i % kMaskTurns * padded + static_cast<std::size_t>(mask_sectors[i])];
     mask = std::max(mask, mask_tangents[i]);
+  }
+  for (std::size_t k = 0; k < padded; k += lanes) {
+    Floats greatest = hn::LoadU(tag, masks + k);
+    for (std::size_t turn = 1; turn < kMaskTurns; ++turn) {
+      greatest = hn::Max(greatest, hn::LoadU(tag, masks + turn * padded + k));
+    }
+    hn::StoreU(greatest, tag, task.tan_mask + k);
   }
 
   resolve_windows(task, windows, wide);
   const float* HWY_RESTRICT narrow = windows + slots - padded;
-  for (std::size_t k = 0; k < padded; k += static_cast<std::size_t>(lanes)) {
+  for (std::size_t k = 0; k < padded; k += lanes) {
     hn::StoreU(hn::LoadU(tag, narrow + k), tag, task.tan_climb + k);
   }
   for (std::size_t k = static_cast<std::size_t>(count); k < padded; ++k) {
     task.tan_climb[k] = kNothing;
   }
   mask_sectors_aside(task, wide);
+}
 
-  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+void risk_kernel(const RiskTask& task, HistogramScratch& scratch) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const UintTag uint_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const PolarConstants& c = *task.constants;
+  const PolarTable& table = *task.table;
+  const auto count = static_cast<std::size_t>(task.sectors);
+  const auto padded = static_cast<std::size_t>(padded_to_lanes(task.sectors));
+  std::uint64_t* HWY_RESTRICT shares = with_room(scratch.shares, table.distance_m.size());
+  std::uint64_t* HWY_RESTRICT differences = with_room(scratch.differences, padded + kLanes);
+  const Floats zero = hn::Zero(tag);
+  const Floats one = hn::Set(tag, 1.0F);
+  const Floats inverse_window2 = hn::Set(tag, c.inverse_window2);
+  const Floats weight_scale = hn::Set(tag, c.weight_scale);
+  const Floats risk_scale = hn::Set(tag, c.risk_scale);
+  std::size_t at = 0;
+  for (const PolarRow& row : table.rows) {
+    for (int i = 0; i < row.vectors * kLanes; i += lanes, at += static_cast<std::size_t>(lanes)) {
+      const Floats d = hn::LoadU(tag, table.distance_m.data() + at);
+      const Floats share = hn::Max(hn::Sub(one, hn::Mul(hn::Mul(d, d), inverse_window2)), zero);
+      const Floats risk =
+          hn::Mul(hn::Mul(share, hn::LoadU(tag, task.risk + row.first + i)), risk_scale);
+      hn::StoreInterleaved2(whole(hn::Mul(share, weight_scale)), whole(risk), uint_tag,
+                            reinterpret_cast<std::uint32_t*>(shares + at));
+    }
+  }
+  std::fill_n(differences, padded + 1, 0);
+  for (const PolarEntry entry : table.entries) {
+    const std::uint64_t share = shares[entry.cell];
+    differences[entry.low] += share;
+    differences[entry.end] -= share;
+  }
+  std::uint64_t sum = 0;
+  for (const std::uint16_t cell : table.wrapped) {
+    sum += shares[cell];
+  }
+  for (const std::uint16_t cell : table.near) {
+    sum += shares[cell];
+  }
+  for (std::size_t k = 0; k < count; ++k) {
     sum += differences[k];
     differences[k] = sum;
   }
   std::fill(differences + count, differences + padded, 0);
-  const Floats zero = hn::Zero(tag);
   const Floats weight_unit = hn::Set(tag, 1.0F / c.weight_scale);
   const Floats risk_max = hn::Set(tag, c.risk_max);
   for (std::size_t k = 0; k < padded; k += static_cast<std::size_t>(lanes)) {
@@ -311,8 +378,8 @@ void histogram_kernel(HistogramTask& task, HistogramScratch& scratch) {
                          risks);
     const Floats weight = hn::ConvertTo(tag, weights);
     const Floats risk = hn::Mul(hn::Div(hn::ConvertTo(tag, risks), weight), risk_max);
-    hn::StoreU(hn::IfThenElseZero(hn::Gt(weight, zero), risk), tag, task.risk_of_sectors + k);
-    hn::StoreU(hn::Mul(weight, weight_unit), tag, task.risk_weight + k);
+    hn::StoreU(hn::IfThenElseZero(hn::Gt(weight, zero), risk), tag, task.sector_risk + k);
+    hn::StoreU(hn::Mul(weight, weight_unit), tag, task.sector_weight + k);
   }
 }
 
@@ -440,28 +507,24 @@ HWY_INLINE void sine_cosine(Floats angle, Floats& sine, Floats& cosine) {
   cosine = c;
 }
 
-void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
+HWY_INLINE Floats constant(float value) { return hn::Set(FloatTag(), value); }
+
+HWY_INLINE Floats numbers_from(int first) {
+  return hn::Add(hn::Iota(FloatTag(), 0.0F), constant(static_cast<float>(first)));
+}
+
+// The guide at the samples: bearing of its target, altitude above what is asked
+// for.
+HWY_INLINE void look_along_guide(const ForecastTask& task, float* HWY_RESTRICT bearing,
+                                 float* HWY_RESTRICT guide_rise) {
   const FloatTag tag;
   const IntTag int_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const int padded = padded_to_lanes(task.samples);
-  const auto room = static_cast<std::size_t>(padded) + 1;
-  float* HWY_RESTRICT bearing = with_room(scratch, 5 * room);
-  float* HWY_RESTRICT guide_rise = bearing + room;
-  float* HWY_RESTRICT middle = guide_rise + room;
-  float* HWY_RESTRICT forward = middle + room;
-  float* HWY_RESTRICT leftward = forward + room;
-
-  const auto constant = [&](float value) { return hn::Set(tag, value); };
-  const Floats zero = hn::Zero(tag);
   const Floats last = constant(static_cast<float>(task.table_count - 2));
-  const auto count_from_one = [&](int i) {
-    return hn::Add(hn::Iota(tag, 1.0F), constant(static_cast<float>(i)));
-  };
-  // The guide at the samples.
   for (int i = 0; i < padded; i += lanes) {
     const Floats at = hn::Add(constant(task.from_in_table),
-                              hn::Mul(constant(task.step_in_table), count_from_one(i)));
+                              hn::Mul(constant(task.step_in_table), numbers_from(i + 1)));
     const Floats whole = hn::Min(hn::Floor(at), last);
     const Floats share = hn::Sub(at, whole);
     const auto index = hn::ConvertTo(int_tag, whole);
@@ -474,6 +537,57 @@ void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
     hn::StoreU(hn::Sub(between(task.altitude_m), constant(task.guide_floor_m)), tag,
                guide_rise + i);
   }
+}
+
+// The greatest climb rate that the samples ask for.
+HWY_INLINE void greatest_rates(ForecastTask& task, const float* HWY_RESTRICT ground_rise,
+                               const float* HWY_RESTRICT guide_rise) {
+  const FloatTag tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int padded = padded_to_lanes(task.samples);
+  const Floats zero = hn::Zero(tag);
+  const Floats a = constant(task.acceleration_mps2);
+  Floats greatest = constant(task.rate_min_mps);
+  Floats greatest_later = greatest;
+  for (int i = 0; i < padded; i += lanes) {
+    const Floats number = numbers_from(i + 1);
+    const Floats rise = hn::Max(hn::LoadU(tag, ground_rise + i), hn::LoadU(tag, guide_rise + i));
+    const Floats time = hn::Mul(number, constant(task.sample_s));
+    const Floats climb_rate = constant(task.climb_rate_mps);
+    const Floats missing = hn::Sub(rise, hn::Mul(climb_rate, time));
+    const Floats free = hn::Sub(time, constant(task.response_s));
+    const Floats root = hn::Sub(hn::Mul(free, free), hn::Div(hn::Add(missing, missing), a));
+    const Floats climbing =
+        hn::Add(climb_rate, hn::Mul(a, hn::Sub(free, hn::Sqrt(hn::Max(root, zero)))));
+    const FloatMask is_hopeless = hn::Or(hn::Le(free, zero), hn::Lt(root, zero));
+    const Floats rate =
+        hn::IfThenElse(hn::Le(missing, zero), hn::Div(rise, time),
+                       hn::IfThenElse(is_hopeless, constant(task.rate_max_mps), climbing));
+    const FloatMask is_valid = hn::And(
+        hn::Le(number, constant(static_cast<float>(task.samples))),
+        hn::Le(hn::Add(constant(task.from_in_table), hn::Mul(constant(task.step_in_table), number)),
+               constant(task.end_in_table)));
+    greatest = hn::IfThenElse(is_valid, hn::Max(greatest, rate), greatest);
+    greatest_later = hn::IfThenElse(hn::And(is_valid, hn::Ge(time, constant(kBrakingHelpsAfter_s))),
+                                    hn::Max(greatest_later, rate), greatest_later);
+  }
+  task.greatest_mps = hn::GetLane(hn::MaxOfLanes(tag, greatest));
+  task.greatest_later_mps = hn::GetLane(hn::MaxOfLanes(tag, greatest_later));
+}
+
+void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int padded = padded_to_lanes(task.samples);
+  const auto room = static_cast<std::size_t>(padded) + 1;
+  float* HWY_RESTRICT bearing = with_room(scratch, 6 * room);
+  float* HWY_RESTRICT guide_rise = bearing + room;
+  float* HWY_RESTRICT middle = guide_rise + room;
+  float* HWY_RESTRICT forward = middle + room;
+  float* HWY_RESTRICT leftward = forward + room;
+  float* HWY_RESTRICT ground_rise = leftward + room;
+  look_along_guide(task, bearing, guide_rise);
   // The turn; headings are relative to the present one.
   const float turn_max = task.roll_share * task.turn_max_radps;
   const float pull = task.roll_share * task.gain;
@@ -504,13 +618,7 @@ void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
     forward[i] += forward[i - 1];
     leftward[i] += leftward[i - 1];
   }
-  // What the ground below them asks for.
-  const Floats a = constant(task.acceleration_mps2);
-  const Floats rate_max = constant(task.rate_max_mps);
-  Floats greatest = constant(task.rate_min_mps);
-  Floats greatest_later = greatest;
   for (int i = 0; i < padded; i += lanes) {
-    const Floats number = count_from_one(i);
     const Floats x = hn::LoadU(tag, forward + i);
     const Floats y = hn::LoadU(tag, leftward + i);
     const Floats east =
@@ -525,29 +633,196 @@ void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
     const auto column = cell_of(east, task.part_of_column, task.column, task.columns);
     const auto row = cell_of(north, task.part_of_row, task.row, task.rows);
     const auto cell = hn::Add(hn::Mul(row, hn::Set(int_tag, task.columns)), column);
-    const Floats ground_rise =
-        hn::Sub(hn::GatherIndex(tag, task.dilated_m, cell), constant(task.floor_m));
-    const Floats rise = hn::Max(ground_rise, hn::LoadU(tag, guide_rise + i));
-    const Floats time = hn::Mul(number, constant(task.sample_s));
-    const Floats climb_rate = constant(task.climb_rate_mps);
-    const Floats missing = hn::Sub(rise, hn::Mul(climb_rate, time));
-    const Floats free = hn::Sub(time, constant(task.response_s));
-    const Floats root = hn::Sub(hn::Mul(free, free), hn::Div(hn::Add(missing, missing), a));
-    const Floats climbing =
-        hn::Add(climb_rate, hn::Mul(a, hn::Sub(free, hn::Sqrt(hn::Max(root, zero)))));
-    const FloatMask is_hopeless = hn::Or(hn::Le(free, zero), hn::Lt(root, zero));
-    const Floats rate = hn::IfThenElse(hn::Le(missing, zero), hn::Div(rise, time),
-                                       hn::IfThenElse(is_hopeless, rate_max, climbing));
-    const FloatMask is_valid = hn::And(
-        hn::Le(number, constant(static_cast<float>(task.samples))),
-        hn::Le(hn::Add(constant(task.from_in_table), hn::Mul(constant(task.step_in_table), number)),
-               constant(task.end_in_table)));
-    greatest = hn::IfThenElse(is_valid, hn::Max(greatest, rate), greatest);
-    greatest_later = hn::IfThenElse(hn::And(is_valid, hn::Ge(time, constant(kBrakingHelpsAfter_s))),
-                                    hn::Max(greatest_later, rate), greatest_later);
+    hn::StoreU(hn::Sub(hn::GatherIndex(tag, task.dilated_m, cell), constant(task.floor_m)), tag,
+               ground_rise + i);
   }
-  task.greatest_mps = hn::GetLane(hn::MaxOfLanes(tag, greatest));
-  task.greatest_later_mps = hn::GetLane(hn::MaxOfLanes(tag, greatest_later));
+  greatest_rates(task, ground_rise, guide_rise);
+}
+
+// Some vectors of candidates, all samples. kInside: no path leaves the raster.
+template <int kVectors, bool kInside>
+HWY_INLINE void roll_out(const RolloutTask& task, int first, const float* HWY_RESTRICT bend,
+                         float* HWY_RESTRICT rises) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const UintTag uint_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const ForecastTask& path = task.path;
+  const Floats turn_max = constant(path.roll_share * path.turn_max_radps);
+  const Floats turn_min = hn::Neg(turn_max);
+  const Floats pull = constant(path.roll_share * path.gain);
+  const Floats keep = constant(1.0F - path.roll_share);
+  const Floats sample_s = constant(path.sample_s);
+  const Floats half_s = constant(0.5F * path.sample_s);
+  const Floats one = constant(1.0F);
+  const Floats half = constant(0.5F);
+  const Floats sixth = constant(1.0F / 6.0F);
+  const Floats metres_per_step = constant(1.0F / PackedGround::kStepsPerMetre);
+  const Floats floor = constant(path.floor_m - PackedGround::kLowest_m);
+  const Floats columns = constant(static_cast<float>(path.columns));
+  const auto risk_bits = hn::Set(uint_tag, PackedGround::kRiskMax);
+  Floats wanted[kVectors];
+  Floats heading[kVectors];
+  Floats turn[kVectors];
+  Floats turn_before[kVectors];
+  Floats east[kVectors];  // one sample onwards [cells]
+  Floats north[kVectors];
+  Floats x[kVectors];
+  Floats y[kVectors];
+  Floats risk[kVectors];
+  Floats needed[kVectors];
+  Floats near[kVectors];
+#pragma GCC unroll 4
+  for (int v = 0; v < kVectors; ++v) {
+    wanted[v] = hn::LoadU(tag, task.wanted_rad + first + v * lanes);
+    heading[v] = hn::Zero(tag);
+    turn[v] = constant(path.turn_radps);
+    turn_before[v] = hn::Zero(tag);
+    east[v] = constant(path.east_cells);
+    north[v] = constant(path.north_cells);
+    x[v] = constant(path.part_of_column);
+    y[v] = constant(path.part_of_row);
+    risk[v] = hn::Zero(tag);
+    needed[v] = constant(kNothing);
+    near[v] = constant(kNothing);
+  }
+  for (int i = 0; i < path.samples; ++i) {
+    const float run_m = static_cast<float>(i + 1) * task.step_m;
+    const bool is_near = run_m <= task.lag_m;
+    const Floats early = constant(1.0F / std::max(run_m - task.lag_m, task.shortest_m));
+    const Floats late = constant(1.0F / (run_m + task.lag_m));
+    const Floats bent = constant(bend[i]);
+#pragma GCC unroll 4
+    for (int v = 0; v < kVectors; ++v) {
+      const Floats off = hn::Sub(hn::Add(wanted[v], bent), heading[v]);
+      const Floats wanted_turn = hn::Min(hn::Max(hn::Mul(pull, off), turn_min), turn_max);
+      // Direction in the middle of the sample, from that of the one before.
+      const Floats angle = hn::Mul(half_s, hn::Add(turn[v], turn_before[v]));
+      heading[v] = hn::Add(heading[v], hn::Mul(sample_s, turn[v]));
+      turn_before[v] = turn[v];
+      turn[v] = hn::Add(hn::Mul(keep, turn[v]), wanted_turn);
+      const Floats angle2 = hn::Mul(angle, angle);
+      const Floats sine = hn::Mul(angle, hn::Sub(one, hn::Mul(angle2, sixth)));
+      const Floats cosine =
+          hn::Sub(one, hn::Mul(angle2, hn::Sub(half, hn::Mul(angle2, constant(1.0F / 24.0F)))));
+      const Floats turned_east = hn::Sub(hn::Mul(east[v], cosine), hn::Mul(north[v], sine));
+      north[v] = hn::Add(hn::Mul(east[v], sine), hn::Mul(north[v], cosine));
+      east[v] = turned_east;
+      x[v] = hn::Add(x[v], east[v]);
+      y[v] = hn::Add(y[v], north[v]);
+      Floats column = hn::Floor(x[v]);
+      Floats row = hn::Floor(y[v]);
+      if constexpr (!kInside) {
+        column = hn::Min(hn::Max(column, constant(static_cast<float>(-path.column))),
+                         constant(static_cast<float>(path.columns - 1 - path.column)));
+        row = hn::Min(hn::Max(row, constant(static_cast<float>(-path.row))),
+                      constant(static_cast<float>(path.rows - 1 - path.row)));
+      }
+      const auto cell = hn::ConvertTo(int_tag, hn::Add(hn::Mul(row, columns), column));
+      const auto word = hn::GatherIndex(uint_tag, task.ground, cell);
+      const auto steps = hn::BitCast(int_tag, hn::ShiftRight<PackedGround::kRiskBits>(word));
+      const Floats rise = hn::Sub(hn::Mul(hn::ConvertTo(tag, steps), metres_per_step), floor);
+      risk[v] =
+          hn::Add(risk[v], hn::ConvertTo(tag, hn::BitCast(int_tag, hn::And(word, risk_bits))));
+      const Floats tangent = hn::Max(hn::Mul(rise, early), hn::Mul(rise, late));
+      if (is_near) {
+        near[v] = hn::Max(near[v], tangent);
+      } else {
+        needed[v] = hn::Max(needed[v], tangent);
+      }
+      if (first + (v + 1) * lanes == kCandidates) {
+        hn::StoreU(rise, tag, rises + static_cast<std::ptrdiff_t>(i) * lanes);
+      }
+    }
+  }
+  HWY_ALIGN float lanes_of_near[kLanes];
+#pragma GCC unroll 4
+  for (int v = 0; v < kVectors; ++v) {
+    hn::StoreU(risk[v], tag, task.risk + first + v * lanes);
+    hn::StoreU(needed[v], tag, task.needed + first + v * lanes);
+  }
+  hn::StoreU(near[kVectors - 1], tag, lanes_of_near);
+  task.near[0] = lanes_of_near[lanes - 1];
+}
+
+void rollout_kernel(RolloutTask& task, std::vector<float>& scratch) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  ForecastTask& path = task.path;
+  const int padded = padded_to_lanes(path.samples);
+  const auto room = static_cast<std::size_t>(padded) + 1;
+  float* HWY_RESTRICT bearing = with_room(scratch, 4 * room + room * kLanes);
+  float* HWY_RESTRICT guide_rise = bearing + room;
+  float* HWY_RESTRICT bend = guide_rise + room;
+  float* HWY_RESTRICT ground_rise = bend + room;
+  float* HWY_RESTRICT rises = ground_rise + room;
+  look_along_guide(path, bearing, guide_rise);
+  float beside = path.beside_rad;
+  bend[0] = 0.0F;
+  for (int i = 1; i < path.samples; ++i) {
+    beside *= path.fading;
+    bend[i] = bearing[i - 1] - path.bearing_now_rad + (beside - path.beside_rad);
+  }
+  constexpr int kVectors = 2;
+  const float reach_cells = static_cast<float>(path.samples) *
+                                std::max(std::fabs(path.east_cells), std::fabs(path.north_cells)) *
+                                1.5F +
+                            3.0F;
+  const auto reach = static_cast<int>(std::min(reach_cells, 1e6F));
+  const bool is_inside = path.column >= reach && path.row >= reach &&
+                         path.column + reach < path.columns && path.row + reach < path.rows;
+  for (int first = 0; first < kCandidates; first += kVectors * lanes) {
+    if (is_inside) {
+      roll_out<kVectors, true>(task, first, bend, rises);
+    } else {
+      roll_out<kVectors, false>(task, first, bend, rises);
+    }
+  }
+  for (int i = 0; i < path.samples; ++i) {
+    ground_rise[i] = rises[i * lanes + lanes - 1];
+  }
+  std::fill(ground_rise + path.samples, ground_rise + padded, kNothing);
+  greatest_rates(path, ground_rise, guide_rise);
+
+  // The choice.
+  const Floats zero = hn::Zero(tag);
+  const Floats goal = constant(task.goal_off_rad);
+  const Floats before = constant(task.before_off_rad);
+  const FloatMask is_quadratic = hn::Gt(constant(task.is_quadratic ? 1.0F : 0.0F), zero);
+  Floats best = constant(std::numeric_limits<float>::infinity());
+  auto best_at = hn::Set(int_tag, kNoDirection);
+  for (int k = 0; k < kCandidates; k += lanes) {
+    const Floats wanted = hn::LoadU(tag, task.wanted_rad + k);
+    const Floats needed = hn::LoadU(tag, task.needed + k);
+    const auto away = [&](Floats from) {
+      const Floats difference = hn::Abs(hn::Sub(wanted, from));
+      return hn::Abs(hn::Min(difference, hn::Sub(constant(kTwoPi_f), difference)));
+    };
+    const Floats off = away(goal);
+    const Floats tangent =
+        hn::Min(hn::Max(needed, constant(task.tangent_min)), constant(task.tangent_max));
+    const Floats above = hn::Max(hn::Sub(tangent, constant(task.goal_tangent)), zero);
+    const Floats goal_cost =
+        hn::Mul(constant(task.goal_weight), hn::IfThenElse(is_quadratic, hn::Mul(off, off), off));
+    const Floats ground_cost =
+        hn::Add(hn::Add(hn::Mul(constant(task.risk_weight), hn::LoadU(tag, task.risk + k)),
+                        hn::Mul(constant(task.climb_weight), tangent)),
+                hn::Mul(constant(task.climb_relative_weight), above));
+    const Floats cost = hn::Add(hn::Add(goal_cost, ground_cost),
+                                hn::Mul(constant(task.change_weight), away(before)));
+    const FloatMask is_better =
+        hn::And(hn::Lt(cost, best), hn::Le(needed, constant(task.tangent_max)));
+    best = hn::IfThenElse(is_better, cost, best);
+    best_at = hn::IfThenElse(hn::RebindMask(int_tag, is_better), hn::Iota(int_tag, k), best_at);
+  }
+  const Floats least = hn::MinOfLanes(tag, best);
+  task.chosen = kNoDirection;
+  if (hn::GetLane(least) < std::numeric_limits<float>::infinity()) {
+    const auto is_least = hn::RebindMask(int_tag, hn::Eq(best, least));
+    task.chosen = hn::GetLane(
+        hn::MinOfLanes(int_tag, hn::IfThenElse(is_least, best_at, hn::Set(int_tag, kCandidates))));
+  }
 }
 
 }  // namespace hedgehop::local_planning::HWY_NAMESPACE
@@ -558,8 +833,10 @@ namespace hedgehop::local_planning {
 namespace {
 
 HWY_EXPORT(histogram_kernel);
+HWY_EXPORT(risk_kernel);
 HWY_EXPORT(cheapest_kernel);
 HWY_EXPORT(forecast_kernel);
+HWY_EXPORT(rollout_kernel);
 
 constexpr std::int64_t kAvx512Targets = HWY_AVX3 | HWY_AVX3_DL;
 
@@ -569,8 +846,16 @@ void best_histogram(HistogramTask& task, HistogramScratch& scratch) {
   HWY_DYNAMIC_DISPATCH(histogram_kernel)(task, scratch);
 }
 
+void best_risk(const RiskTask& task, HistogramScratch& scratch) {
+  HWY_DYNAMIC_DISPATCH(risk_kernel)(task, scratch);
+}
+
 void best_forecast(ForecastTask& task, std::vector<float>& scratch) {
   HWY_DYNAMIC_DISPATCH(forecast_kernel)(task, scratch);
+}
+
+void best_rollout(RolloutTask& task, std::vector<float>& scratch) {
+  HWY_DYNAMIC_DISPATCH(rollout_kernel)(task, scratch);
 }
 
 int best_cheapest(const DirectionTask& task) { return HWY_DYNAMIC_DISPATCH(cheapest_kernel)(task); }
@@ -614,10 +899,11 @@ StepKernels step_kernels(Kernel kernel) {
   }
 #if (HWY_TARGETS & HWY_AVX2) && HWY_TARGETS != HWY_AVX2
   if (kernel == Kernel::kAvx2) {
-    return {&N_AVX2::histogram_kernel, &N_AVX2::cheapest_kernel, &N_AVX2::forecast_kernel};
+    return {&N_AVX2::histogram_kernel, &N_AVX2::risk_kernel, &N_AVX2::cheapest_kernel,
+            &N_AVX2::forecast_kernel, &N_AVX2::rollout_kernel};
   }
 #endif
-  return {&best_histogram, &best_cheapest, &best_forecast};
+  return {&best_histogram, &best_risk, &best_cheapest, &best_forecast, &best_rollout};
 }
 
 }  // namespace hedgehop::local_planning

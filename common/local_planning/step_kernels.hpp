@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <new>
 #include <vector>
 
 #include "local_planning/polar_geometry.hpp"
@@ -9,8 +10,9 @@
 /// The inner loops of a step of the local planner: SIMD, chosen at run time.
 namespace hedgehop::local_planning {
 
-/// What computes a step. All give the same bits; kBest is the widest instructions there are, kPlain
-/// the straightforward form that the others are measured against.
+/// What computes a step. All give the same bits; kBest is the widest
+/// instructions there are, kPlain the straightforward form that the others are
+/// measured against.
 enum class Kernel : std::uint8_t { kBest, kPlain, kAvx2, kAvx512 };
 
 /// "avx512", "avx2", "plain" or the name of a lesser set of instructions.
@@ -18,24 +20,38 @@ const char* name_of_kernel(Kernel kernel);
 /// Whether processor and build offer it.
 bool is_available(Kernel kernel);
 
+/// Memory that vectors of any width are aligned in.
+template <typename T>
+struct VectorAllocator {
+  using value_type = T;
+  static constexpr std::align_val_t kAlignment{64};
+
+  VectorAllocator() = default;
+  template <typename U>
+  VectorAllocator(const VectorAllocator<U>& /*other*/) {}
+  T* allocate(std::size_t count) {
+    return static_cast<T*>(::operator new(count * sizeof(T), kAlignment));
+  }
+  void deallocate(T* memory, std::size_t /*count*/) { ::operator delete(memory, kAlignment); }
+  bool operator==(const VectorAllocator& /*other*/) const { return true; }
+};
+template <typename T>
+using Aligned = std::vector<T, VectorAllocator<T>>;
+
 /// A run of cells in one row of the window.
 struct PolarRow {
   std::int32_t first = 0;    // cell of the raster, from the one that holds the viewpoint
   std::int32_t vectors = 0;  // of kLanes cells
 };
 
-/// What one cell beyond the disc adds to, packed: its number in the order of the rows, its first
-/// sector, the one after its last sector (1..K), its window of sectors.
+/// What one cell beyond the disc adds to when risks are summed: its number in the order of the
+/// rows, its first sector, the one after its last sector (1..K).
 struct PolarEntry {
-  static std::uint64_t packed(std::uint64_t cell, std::uint64_t low, std::uint64_t end,
-                              std::uint64_t slot) {
-    return cell | low << 16U | end << 32U | slot << 48U;
-  }
-  static std::uint64_t cell(std::uint64_t entry) { return entry & 0xffffU; }
-  static std::uint64_t low(std::uint64_t entry) { return entry >> 16U & 0xffffU; }
-  static std::uint64_t end(std::uint64_t entry) { return entry >> 32U & 0xffffU; }
-  static std::uint64_t slot(std::uint64_t entry) { return entry >> 48U; }
+  std::uint32_t cell = 0;
+  std::uint16_t low = 0;
+  std::uint16_t end = 0;
 };
+/// The same for climbs: the window of sectors that begins at its first one.
 struct PolarSlot {
   std::uint16_t cell = 0;
   std::uint16_t slot = 0;
@@ -44,10 +60,12 @@ struct PolarSlot {
 /// The window as seen from one sub-cell.
 struct PolarTable {
   std::vector<PolarRow> rows;
-  std::vector<float> distance_m;  // by row, kFarAway_m beside the window
-  std::vector<float> azimuth_rad;
-  std::vector<std::uint64_t> entries;  // PolarEntry
-  std::vector<PolarSlot> further;      // second windows
+  Aligned<float> distance_m;  // by row, kFarAway_m beside the window
+  Aligned<float> azimuth_rad;
+  Aligned<float> rise_1pm;
+  Aligned<float> fall_1pm;
+  std::vector<PolarSlot> slots;        // for climbs
+  std::vector<PolarEntry> entries;     // for risks
   std::vector<std::uint16_t> wrapped;  // cells whose sectors go on at 0
   std::vector<std::uint16_t> near;     // cells within the disc
 };
@@ -55,14 +73,18 @@ inline constexpr float kFarAway_m = 1e9F;
 
 /// Memory of a histogram, aligned by its users.
 struct HistogramScratch {
-  std::vector<float> tangents;        // by cell of the rows
-  std::vector<std::uint64_t> shares;  // likewise: weighted risk * 2^32 + weight
-  std::vector<float> windows;         // greatest tangents, by slot
-  std::vector<float> wide;            // two turns of one width
-  std::vector<std::uint64_t> differences;
+  Aligned<float> tangents;        // by cell of the rows
+  Aligned<std::uint64_t> shares;  // likewise: weighted risk * 2^32 + weight
+  Aligned<float> windows;         // greatest tangents, by slot
+  Aligned<float> wide;            // two turns of one width
+  Aligned<std::uint64_t> differences;
   std::vector<PolarRow> ahead;
-  std::vector<std::int32_t> mask_sectors;
-  std::vector<float> mask_tangents;
+  Aligned<float> ahead_distance;  // of cells that may mask
+  Aligned<float> ahead_turned;
+  Aligned<float> ahead_height;
+  Aligned<std::int32_t> mask_sectors;
+  Aligned<float> mask_tangents;
+  Aligned<float> masks;
 };
 
 struct HistogramTask {
@@ -70,7 +92,6 @@ struct HistogramTask {
   const PolarQuestion* question = nullptr;
   const PolarTable* table = nullptr;
   const float* surface_m = nullptr;  // at the cell that holds the viewpoint
-  const float* risk = nullptr;       // likewise
   const int* widths = nullptr;
   int width_count = 0;
   int sectors = 0;
@@ -78,9 +99,16 @@ struct HistogramTask {
   float* tan_climb = nullptr;  // out, as in PolarHistogram
   float* tan_masked = nullptr;
   float* tan_mask = nullptr;
-  float* risk_of_sectors = nullptr;
-  float* risk_weight = nullptr;
   float tan_climb_near = 0.0F;
+};
+
+struct RiskTask {
+  const PolarConstants* constants = nullptr;
+  const PolarTable* table = nullptr;
+  const float* risk = nullptr;  // at the cell that holds the viewpoint
+  int sectors = 0;
+  float* sector_risk = nullptr;  // out, as in PolarHistogram
+  float* sector_weight = nullptr;
 };
 
 /// Cost of each direction and the cheapest one, see cheapest_direction_rad().
@@ -108,7 +136,8 @@ struct DirectionTask {
 inline constexpr int kGoalDirection = -1;
 inline constexpr int kNoDirection = -2;
 
-/// The flight of the next seconds and the climb rate that it needs, see ClimbForecast.
+/// The flight of the next seconds and the climb rate that it needs, see
+/// ClimbForecast.
 struct ForecastTask {
   int samples = 0;
   const float* bearing_rad = nullptr;  // of the guide's target, by place along the guide
@@ -147,13 +176,48 @@ struct ForecastTask {
 };
 inline constexpr float kBrakingHelpsAfter_s = 2.0F;
 
+/// Headings that are rolled out together.
+inline constexpr int kCandidates = 32;
+/// The last of them: what was commanded before. The one before that: the goal
+/// direction.
+inline constexpr int kCommandedCandidate = kCandidates - 1;
+inline constexpr int kGoalCandidate = kCandidates - 2;
+
+/// Flights ahead towards several headings, see Rollout.
+struct RolloutTask {
+  ForecastTask path;                  // wanted_rad is not used; beside it, what one path and all
+                                      // of them need
+  const float* wanted_rad = nullptr;  // kCandidates headings less the present one
+  const std::uint32_t* ground = nullptr;  // packed, at the cell that holds the place
+  float step_m = 0.0F;                    // between samples
+  float lag_m = 0.0F;                     // flown before a climb begins
+  float shortest_m = 0.0F;                // least distance in a climb tangent
+  float goal_off_rad = 0.0F;              // goal direction less the present heading
+  float before_off_rad = 0.0F;            // heading chosen before less the present one
+  bool is_quadratic = false;
+  float goal_weight = 0.0F;
+  float risk_weight = 0.0F;  // of the mean share of the greatest risk
+  float climb_weight = 0.0F;
+  float climb_relative_weight = 0.0F;
+  float change_weight = 0.0F;
+  float goal_tangent = 0.0F;
+  float tangent_min = 0.0F;
+  float tangent_max = 0.0F;
+  float* needed = nullptr;    // out, kCandidates: tangents beyond the lag
+  float* risk = nullptr;      // out, kCandidates: sum over the samples [packed units]
+  float* near = nullptr;      // out, one: within the lag, along the commanded heading
+  int chosen = kNoDirection;  // out: cheapest feasible candidate
+};
+
 struct StepKernels {
   void (*histogram)(HistogramTask& task, HistogramScratch& scratch) = nullptr;
+  void (*risk)(const RiskTask& task, HistogramScratch& scratch) = nullptr;
   int (*cheapest)(const DirectionTask& task) = nullptr;
   void (*forecast)(ForecastTask& task, std::vector<float>& scratch) = nullptr;
+  void (*rollout)(RolloutTask& task, std::vector<float>& scratch) = nullptr;
 };
-/// Asking the processor is slow, so ask once. For kPlain those of kBest: what has a plain form
-/// elsewhere is called there.
+/// Asking the processor is slow, so ask once. For kPlain those of kBest: what
+/// has a plain form elsewhere is called there.
 /// @throws std::invalid_argument  if it is not available.
 StepKernels step_kernels(Kernel kernel);
 

@@ -62,4 +62,65 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
   risk_max_ = static_cast<double>(risk_max);
 }
 
+void Surroundings::pack(double tube_radius_m) {
+  const raster::GridGeometry& g = geometry();
+  // Half the width of the part of each row that counts, from the row of the
+  // cell itself outwards.
+  const double half_m = 0.5 * g.cell_m;
+  std::vector<int> widths;
+  for (int up = 0;; ++up) {
+    const double up_m = std::max(0.0, up * g.cell_m - half_m);
+    if (up_m > tube_radius_m) {
+      break;
+    }
+    const double aside_m = std::sqrt(tube_radius_m * tube_radius_m - up_m * up_m);
+    widths.push_back(static_cast<int>((aside_m + half_m) / g.cell_m));
+  }
+  raster::Grid<float> greatest = surface_m_;
+  raster::Grid<float> along = surface_m_;  // greatest of each row within `width` cells
+  std::vector<float> before(static_cast<std::size_t>(g.columns));
+  int width = 0;
+  for (int up = static_cast<int>(widths.size()) - 1; up >= 0; --up) {
+    for (; width < widths[static_cast<std::size_t>(up)]; ++width) {
+      for (int row = 0; row < g.rows; ++row) {
+        float* const values = along.row(row);
+        std::copy_n(values, g.columns, before.data());
+        for (int column = 0; column < g.columns; ++column) {
+          const float left =
+              column > 0 ? before[static_cast<std::size_t>(column) - 1] : kBlockedAltitude_m;
+          const float right = column + 1 < g.columns ? before[static_cast<std::size_t>(column) + 1]
+                                                     : kBlockedAltitude_m;
+          values[column] = std::max(values[column], std::max(left, right));
+        }
+      }
+    }
+    for (int row = 0; row < g.rows; ++row) {
+      float* const values = greatest.row(row);
+      for (const int from : {row - up, row + up}) {
+        if (from < 0 || from >= g.rows) {
+          std::fill_n(values, g.columns, kBlockedAltitude_m);
+          continue;
+        }
+        const float* const other = along.row(from);
+        for (int column = 0; column < g.columns; ++column) {
+          values[column] = std::max(values[column], other[column]);
+        }
+      }
+    }
+  }
+  const float risk_scale =
+      risk_max_ > 0.0 ? static_cast<float>(PackedGround::kRiskMax / risk_max_) : 0.0F;
+  packed_ = raster::Grid<std::uint32_t>(g, 0);
+  for (std::size_t i = 0; i < packed_.values().size(); ++i) {
+    // In double precision: rounding must not make the ground lower.
+    const double above_m = static_cast<double>(std::clamp(
+                               greatest.values()[i], PackedGround::kLowest_m, kBlockedAltitude_m)) -
+                           static_cast<double>(PackedGround::kLowest_m);
+    const double steps = std::ceil(above_m * static_cast<double>(PackedGround::kStepsPerMetre));
+    const auto risk = static_cast<std::uint32_t>(risk_.values()[i] * risk_scale + 0.5F);
+    packed_.values()[i] = static_cast<std::uint32_t>(steps) << PackedGround::kRiskBits |
+                          std::min(risk, PackedGround::kRiskMax);
+  }
+}
+
 }  // namespace hedgehop::local_planning

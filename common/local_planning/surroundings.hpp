@@ -1,11 +1,21 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 
 #include "raster/grid.hpp"
 #include "risk/cost_model.hpp"
 
 namespace hedgehop::local_planning {
+
+/// A word of packed ground: height above kLowest_m in steps, rounded up, and
+/// the risk as a share of the greatest.
+struct PackedGround {
+  static constexpr float kLowest_m = -1000.0F;
+  static constexpr float kStepsPerMetre = 64.0F;
+  static constexpr int kRiskBits = 12;
+  static constexpr std::uint32_t kRiskMax = (1U << kRiskBits) - 1U;
+};
 
 /// Padded layers of a map, ready for kernels that look around without asking for bounds.
 ///
@@ -29,12 +39,14 @@ class Surroundings {
   [[nodiscard]] const raster::GridGeometry& geometry() const { return surface_m_.geometry(); }
   /// Surface; padded.
   [[nodiscard]] const raster::Grid<float>& surface_m() const { return surface_m_; }
-  /// c_sem semantics + c_vis visibility; the greatest possible value in the padding.
+  /// c_sem semantics + c_vis visibility; the greatest possible value in the
+  /// padding.
   [[nodiscard]] const raster::Grid<float>& risk() const { return risk_; }
   /// The greatest value in `risk`.
   [[nodiscard]] double risk_max() const { return risk_max_; }
-  /// Greatest known surface of the cells whose centres lie within disc_radius_m of the centre of
-  /// the cell that holds the point; -infinity if there is none or the point is outside.
+  /// Greatest known surface of the cells whose centres lie within disc_radius_m
+  /// of the centre of the cell that holds the point; -infinity if there is none
+  /// or the point is outside.
   [[nodiscard]] double dilated_m(const geo::MapPoint& point) const {
     const raster::CellIndex cell = geometry().cell_at(point);
     return geometry().contains(cell) ? static_cast<double>(dilated_m_.at(cell))
@@ -42,6 +54,12 @@ class Surroundings {
   }
   /// The same for kernels; padded.
   [[nodiscard]] const raster::Grid<float>& dilated_layer_m() const { return dilated_m_; }
+  /// What flights ahead are rolled out over: for each cell, in one word, the
+  /// greatest surface of the cells whose centres are within `tube_radius_m` of
+  /// anywhere in it, and its own risk. Voids and padding are walls here.
+  void pack(double tube_radius_m);
+  /// Empty without pack(); padded. See PackedGround.
+  [[nodiscard]] const raster::Grid<std::uint32_t>& packed() const { return packed_; }
   /// Whether the point lies on the map itself, not on the padding.
   [[nodiscard]] bool is_on_map(const geo::MapPoint& point) const {
     return map_geometry_.contains(point);
@@ -52,6 +70,7 @@ class Surroundings {
   raster::Grid<float> surface_m_;
   raster::Grid<float> risk_;
   raster::Grid<float> dilated_m_;
+  raster::Grid<std::uint32_t> packed_;
   double risk_max_ = 0.0;
 };
 

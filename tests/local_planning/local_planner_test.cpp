@@ -241,17 +241,20 @@ TEST(LocalPlanner, AllKernelsFlyTheSameBytes) {
   test::finish_map(map);
   const auto guide = test::stand_in_guide(map, {{1500, 1500}, {3300, 2600}, {5000, 5000}}, 50.0,
                                           20.0, 30.0, 0.14, 15.24);
-  const LocalOptions options = test::shipped_local_options("local.passes=2");
-  const auto plain = flown(map, guide, options, {}, Kernel::kPlain);
-  ASSERT_TRUE(std::holds_alternative<Flight>(plain));
-  for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
-    if (!is_available(kernel)) {
-      continue;
+  for (const char* mode : {"local.mode=tvfh", "local.mode=rollout"}) {
+    LocalOptions options = test::shipped_local_options(mode);
+    options.passes = 2;
+    const auto plain = flown(map, guide, options, {}, Kernel::kPlain);
+    ASSERT_TRUE(std::holds_alternative<Flight>(plain)) << mode;
+    for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
+      if (!is_available(kernel)) {
+        continue;
+      }
+      const auto fast = flown(map, guide, options, {}, kernel);
+      ASSERT_TRUE(std::holds_alternative<Flight>(fast)) << mode << name_of_kernel(kernel);
+      EXPECT_TRUE(is_same_bytes(std::get<Flight>(plain), std::get<Flight>(fast)))
+          << mode << ", " << name_of_kernel(kernel);
     }
-    const auto fast = flown(map, guide, options, {}, kernel);
-    ASSERT_TRUE(std::holds_alternative<Flight>(fast)) << name_of_kernel(kernel);
-    EXPECT_TRUE(is_same_bytes(std::get<Flight>(plain), std::get<Flight>(fast)))
-        << name_of_kernel(kernel);
   }
 }
 

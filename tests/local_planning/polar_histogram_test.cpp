@@ -35,8 +35,8 @@ struct Oracle {
 // Side of the squares that places are told apart by: an equal part of the cell, at most 4 m.
 double subcell_m(double cell_m) { return cell_m / std::ceil(cell_m / 4.0); }
 
-geo::MapPoint centre_of_subcell(const geo::MapPoint& p, double cell_m) {
-  const double side_m = subcell_m(cell_m);
+geo::MapPoint centre_of_part(const geo::MapPoint& p, double cell_m, double side_max_m) {
+  const double side_m = cell_m / std::ceil(cell_m / side_max_m);
   return {(std::floor(p.x_m / side_m) + 0.5) * side_m, (std::floor(p.y_m / side_m) + 0.5) * side_m};
 }
 
@@ -163,6 +163,7 @@ TEST(PolarHistogram, EqualsTheDefinitionCellByCell) {
   constexpr double kEdge = 4e-6;
   int compared = 0;
   int undecided = 0;
+  int risks = 0;
   for (int trial = 0; trial < 25; ++trial) {
     const double cell_m = trial % 3 == 0 ? 10.0 : 30.0;
     const int size = static_cast<int>(1200.0 / cell_m);
@@ -192,11 +193,20 @@ TEST(PolarHistogram, EqualsTheDefinitionCellByCell) {
       const double chi = uniform(-kPi, kPi);
       const double r_min = uniform(40.0, 300.0);
       kernel.compute(p, z, chi, r_min, histogram);
-      const geo::MapPoint seen_from = centre_of_subcell(p, cell_m);
+      const geo::MapPoint seen_from = centre_of_part(p, cell_m, 4.0);
       const HistogramOptions seen =
           with_larger_disc(options, 0.5 * std::numbers::sqrt2 * subcell_m(cell_m));
       const Oracle less = brute_force(map, costs, seen, 0.7, 0.4, seen_from, z, chi, r_min, -kEdge);
       const Oracle more = brute_force(map, costs, seen, 0.7, 0.4, seen_from, z, chi, r_min, kEdge);
+      // Risks are seen from the centre of a larger square, with the disc as it is; nothing is
+      // truncated.
+      HistogramOptions of_risk = options;
+      of_risk.truncation_distance_m = 0.0;
+      const geo::MapPoint risk_from = centre_of_part(p, cell_m, 16.0);
+      const Oracle less_risk =
+          brute_force(map, costs, of_risk, 0.7, 0.4, risk_from, z, chi, r_min, -kEdge);
+      const Oracle more_risk =
+          brute_force(map, costs, of_risk, 0.7, 0.4, risk_from, z, chi, r_min, kEdge);
       EXPECT_TRUE(static_cast<double>(histogram.tan_climb_near) == less.near ||
                   std::fabs(histogram.tan_climb_near - less.near) <
                       kRounding * (1.0 + std::fabs(less.near)));
@@ -214,14 +224,16 @@ TEST(PolarHistogram, EqualsTheDefinitionCellByCell) {
         expect_between(histogram.tan_climb[k], less.climb[k], more.climb[k]);
         expect_between(histogram.tan_mask[k], less.mask[k], more.mask[k]);
         expect_between(histogram.tan_masked[k], less.masked[k], more.masked[k]);
-        if (less.weight[k] == more.weight[k]) {
-          EXPECT_NEAR(histogram.risk[k], less.risk[k], 5e-5);
-          EXPECT_NEAR(histogram.risk_weight[k], less.weight[k], 1e-3);
+        if (less_risk.weight[k] == more_risk.weight[k]) {
+          EXPECT_NEAR(histogram.risk[k], less_risk.risk[k], 5e-5);
+          EXPECT_NEAR(histogram.risk_weight[k], less_risk.weight[k], 1e-3);
+          ++risks;
         }
       }
     }
   }
   EXPECT_GT(compared, 10000);
+  EXPECT_GT(risks, 3000);
   EXPECT_LT(undecided, compared / 1000);
 }
 
@@ -443,7 +455,7 @@ TEST(PolarHistogram, AllInstructionSetsGiveTheBitsOfThePlainForm) {
     HistogramKernel plain(surroundings, options);
     PolarHistogram expected;
     for (const Kernel kernel : kernels) {
-      HistogramTable table(surroundings, options, kernel);
+      HistogramTable table(surroundings, options, histogram_tables(surroundings, options), kernel);
       PolarHistogram histogram;
       for (int place = 0; place < 12; ++place) {
         // Sub-cells and their edges, all over the map; some places outside it.

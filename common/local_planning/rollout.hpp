@@ -1,0 +1,90 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "local_planning/climb_profile.hpp"
+#include "local_planning/direction.hpp"
+#include "local_planning/step_kernels.hpp"
+
+namespace hedgehop::local_planning {
+
+/// Section `rollout` of the local options.
+struct RolloutOptions {
+  double horizon_s = 0.0;     // of the flights ahead
+  double sample_s = 0.0;      // between the places looked at
+  double reach_rad = 0.0;     // candidates lie within this of the heading
+  double lag_s = 0.0;         // flown before a climb begins
+  double gain = 0.0;          // of risk and climb costs beside the cost of the goal
+  double change_1prad = 0.0;  // cost of a direction per radian from the one chosen before
+};
+
+/// What the rolled-out flights say.
+struct RolloutChoice {
+  std::optional<double> direction_rad;  // cheapest feasible one
+  double least_climb_rad = 0.0;         // the one with the least climb, feasible or not
+  double needed_commanded = 0.0;  // tangent along the heading commanded before, beyond the lag
+  double needed_near = 0.0;       // the same within the lag
+  ClimbAhead ahead;               // along the heading commanded before
+};
+
+/// The rollout histogram: directions judged by flying them.
+///
+/// kCandidates headings are rolled out over the horizon: kCandidates - 2 around the present
+/// heading, closer together near it, the goal direction, and the heading commanded before. The turn
+/// rate follows the heading error like the command model's,
+///
+///     r' = clamp(k (chi_c + bend - chi), +- g tan(bank limit) / V),  made good by the roll
+///     response
+///
+/// where `bend` is how the guide turns ahead: flights go on along it. Every sample looks up the
+/// ground packed by Surroundings::pack(), the greatest within the safety tube however the flight
+/// lies in its cell. For a candidate
+///
+///     t    = max over samples of N / max(s - lag V, V / 2)   (N > 0),  N / (s + lag V)   (N <= 0)
+///     cost = c_goal g(chi_c - chi_goal) + gain share (mean risk + c_climb t + c_climb,rel max(t -
+///            t_goal, 0)) + change |chi_c - chi_before|
+///
+/// N  height of the ground and the safety height above the present altitude; s distance flown
+///
+/// Samples within the lag do not decide whether a candidate is feasible, t <= t_max: no choice can
+/// change them. The risk is the mean along what can be flown, not of a sector: a cell counts as
+/// much as it is flown over. Costs are compared in single precision; ties go to the lowest
+/// candidate.
+class Rollout {
+ public:
+  /// Holds references to all but the options; the surroundings must be packed.
+  Rollout(const Surroundings& surroundings, const Guide& guide,
+          const command_model::CommandModel& model, double look_ahead_m, double safety_height_m,
+          const ProfileOptions& profile, const RolloutOptions& options,
+          const DirectionWeights& weights, Kernel kernel);
+
+  /// @param question        as for cheapest_direction_rad()
+  /// @param target_math_rad direction to the guide's target
+  /// @param commanded_rad   heading commanded before
+  /// @param before_rad      direction chosen before
+  /// @param reach_m         ground further away is not looked at
+  RolloutChoice choose(const command_model::ModelState& state,
+                       const command_model::StateTrigonometry& trigonometry, double along_m,
+                       const DirectionQuestion& question, double target_math_rad,
+                       double commanded_rad, double before_rad, double reach_m);
+
+ private:
+  const Surroundings* surroundings_;
+  ClimbForecast forecast_;
+  RolloutOptions options_;
+  DirectionWeights weights_;
+  void (*rollout_)(RolloutTask& task, std::vector<float>& scratch);
+  std::array<float, kCandidates> offsets_rad_{};
+  std::array<float, kCandidates> wanted_rad_{};
+  std::array<float, kCandidates> needed_{};
+  std::array<float, kCandidates> risk_{};
+  std::vector<float> scratch_;
+};
+
+/// The rollout in plain form.
+void plain_rollout(RolloutTask& task, std::vector<float>& scratch);
+
+}  // namespace hedgehop::local_planning

@@ -1,0 +1,206 @@
+#include "local_planning/rollout.hpp"
+
+#include <cmath>
+#include <gtest/gtest.h>
+#include <limits>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "local_planning/local_planning_setup.hpp"
+#include "support/fresh_seed.hpp"
+#include "support/test_map.hpp"
+
+namespace hedgehop::local_planning {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kTube_m = 46.8;
+constexpr double kSafetyHeight_m = 18.0;
+constexpr ProfileOptions kProfile{true, 12.0, 0.75, 0.4, 0.8, 5.0};
+constexpr RolloutOptions kOptions{12.0, 0.5, 120.0 * kPi / 180.0, 1.2, 4.0, 0.05};
+
+DirectionWeights weights() { return {GoalCost::kQuadratic, 1.0, 0.0, 0.4, 0.15}; }
+
+TEST(PackedGround, IsTheGreatestSurfaceWithinTheTubeOfAnywhereInTheCell) {
+  std::mt19937_64 random(test::fresh_seed());
+  for (const double cell_m : {30.0, 10.0, 5.0}) {
+    map::Map map = test::make_map(40, 30, cell_m, [&](double, double) {
+      return std::uniform_real_distribution<double>(-50.0, 900.0)(random);
+    });
+    map.surface_m.at(20, 11) = std::numeric_limits<float>::quiet_NaN();
+    const risk::CostModel costs = test::test_costs(map);
+    Surroundings surroundings(costs, 200.0, 45.0, 1.0, 1.0);
+    surroundings.pack(kTube_m);
+    const raster::GridGeometry& g = surroundings.geometry();
+    const int reach = static_cast<int>(kTube_m / cell_m) + 2;
+    int inner = 0;
+    for (int row = reach; row + reach < g.rows; ++row) {
+      for (int column = reach; column + reach < g.columns; ++column) {
+        float greatest = -1e9F;
+        for (int up = -reach; up <= reach; ++up) {
+          for (int right = -reach; right <= reach; ++right) {
+            const double dx = std::max(0.0, std::fabs(right) * cell_m - 0.5 * cell_m);
+            const double dy = std::max(0.0, std::fabs(up) * cell_m - 0.5 * cell_m);
+            if (std::hypot(dx, dy) <= kTube_m) {
+              greatest = std::max(greatest, surroundings.surface_m().at(column + right, row + up));
+            }
+          }
+        }
+        const std::uint32_t word = surroundings.packed().at(column, row);
+        const double packed_m =
+            static_cast<double>(word >> PackedGround::kRiskBits) / PackedGround::kStepsPerMetre +
+            static_cast<double>(PackedGround::kLowest_m);
+        ASSERT_GE(packed_m, static_cast<double>(greatest) - 1e-6) << column << " " << row;
+        ASSERT_LE(packed_m, static_cast<double>(greatest) + 1.0 / 64.0 + 1e-3);
+        ASSERT_NEAR(static_cast<double>(word & PackedGround::kRiskMax) / PackedGround::kRiskMax *
+                        surroundings.risk_max(),
+                    static_cast<double>(surroundings.risk().at(column, row)),
+                    0.51 * surroundings.risk_max() / PackedGround::kRiskMax);
+        ++inner;
+      }
+    }
+    EXPECT_GT(inner, 500);
+  }
+}
+
+class RolloutOverLevelGround : public ::testing::Test {
+ protected:
+  // Towards the east over ground at 0 m, at 40 m/s, from (x_m, 1500).
+  RolloutChoice choose(const map::Map& map, double altitude_m, double x_m = 900.0,
+                       double share = 1.0, double semantics_weight = 1.0, double before_rad = 0.0) {
+    const risk::CostModel costs = test::test_costs(map);
+    Surroundings surroundings(costs, 350.0, 45.0, semantics_weight, 0.0);
+    surroundings.pack(kTube_m);
+    const Guide guide({{0, 1500, 0}, {3000, 1500, 0}});
+    Rollout rollout(surroundings, guide, model_, 300.0, kSafetyHeight_m, kProfile, kOptions,
+                    weights(), Kernel::kBest);
+    const auto state = command_model::trimmed_state(x_m, 1500.0, altitude_m, 40.0, 0.0, 0.0);
+    DirectionQuestion question{0.0, 0.0, 0.0, std::tan(-10.0 * kPi / 180.0), 0.18, share};
+    return rollout.choose(state, command_model::trigonometry_of(state), x_m, question, 0.0, 0.0,
+                          before_rad, 1e9);
+  }
+
+  command_model::CommandModel model_{test::shipped_vehicle()};
+};
+
+TEST_F(RolloutOverLevelGround, GoalDirectionIsTakenExactlyWhereNothingSpeaksAgainstIt) {
+  const auto map = test::make_map(100, 100, 30.0, [](double, double) { return 0.0; });
+  const RolloutChoice choice = choose(map, 30.0);
+  EXPECT_EQ(choice.direction_rad, 0.0);
+  // 12 m above the safety height; the farthest place looked at lies 480 m ahead, 48 m of lag.
+  EXPECT_NEAR(choice.needed_commanded, -12.0 / 528.0, 1e-4);
+}
+
+TEST_F(RolloutOverLevelGround, WallAcrossThePathIsWalkedAroundOnItsNearerSide) {
+  // 200 m high, 300 m ahead, from 60 m south of the line to 400 m north of it.
+  const auto map = test::make_map(100, 100, 30.0, [](double x_m, double y_m) {
+    return x_m > 1200.0 && x_m < 1290.0 && y_m > 1440.0 && y_m < 1900.0 ? 200.0 : 0.0;
+  });
+  const RolloutChoice choice = choose(map, 30.0);
+  ASSERT_TRUE(choice.direction_rad);
+  EXPECT_LT(*choice.direction_rad, -0.2);
+  EXPECT_GT(*choice.direction_rad, -1.2);
+  // Commanded straight at it: 188 m to climb; it begins within the tube 45 to 75 m before its edge.
+  EXPECT_GT(choice.needed_commanded, 188.0 / (300.0 - 48.0));
+  EXPECT_LT(choice.needed_commanded, 188.0 / (300.0 - 100.0 - 48.0));
+}
+
+TEST_F(RolloutOverLevelGround, WithoutAWayOutTheLeastClimbIsNamed) {
+  const auto map = test::make_map(100, 100, 30.0, [](double x_m, double y_m) {
+    const double far_m = std::hypot(x_m - 900.0, y_m - 1500.0);
+    return far_m < 250.0 ? 0.0 : (y_m < 1300.0 ? 300.0 : 1500.0);
+  });
+  const RolloutChoice choice = choose(map, 30.0);
+  EXPECT_FALSE(choice.direction_rad);
+  EXPECT_LT(choice.least_climb_rad, -0.5) << "the lower wall is to the right";
+}
+
+TEST_F(RolloutOverLevelGround, CostlyGroundAheadIsAvoidedOnTheSideThatEndsSooner) {
+  map::Map map = test::make_map(100, 100, 30.0, [](double, double) { return 0.0; });
+  for (int row = 49; row < 60; ++row) {  // y from 1470 to 1800 m: the south side is near
+    for (int column = 34; column < 60; ++column) {
+      map.semantics.at(column, row) = static_cast<std::uint16_t>(map::SemanticClass::kSettlement);
+    }
+  }
+  test::finish_map(map);
+  const RolloutChoice choice = choose(map, 30.0);
+  ASSERT_TRUE(choice.direction_rad);
+  EXPECT_LT(*choice.direction_rad, 0.0);
+  // No risk counts far off the guide.
+  EXPECT_EQ(choose(map, 30.0, 900.0, 0.0).direction_rad, 0.0);
+}
+
+// What the kernels must agree on, over random ground, states and options.
+TEST(RolloutKernels, AllInstructionSetsGiveTheBitsOfThePlainForm) {
+  std::mt19937_64 random(test::fresh_seed());
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  const command_model::CommandModel model(test::shipped_vehicle());
+  int chosen = 0;
+  int none = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const double cell_m = std::vector<double>{30.0, 10.0, 5.0}[random() % 3];
+    const int size = static_cast<int>(1500.0 / cell_m);
+    const double relief_m = uniform(10.0, 200.0);
+    map::Map map =
+        test::make_map(size, size, cell_m, [&](double, double) { return uniform(0.0, relief_m); });
+    for (auto& value : map.visibility.values()) {
+      value = static_cast<std::uint16_t>(random() % 65535);
+    }
+    const risk::CostModel costs = test::test_costs(map);
+    Surroundings surroundings(costs, 350.0, 45.0, 0.5, uniform(0.0, 2.0));
+    surroundings.pack(uniform(10.0, 60.0));
+    const Guide guide({{100, 300, 50}, {700, 750, uniform(20.0, 150.0)}, {1400, 1000, 80}});
+    RolloutOptions options = kOptions;
+    options.horizon_s = uniform(4.0, 20.0);
+    options.sample_s = uniform(0.2, 0.5);
+    options.gain = uniform(0.0, 6.0);
+    DirectionWeights cost = weights();
+    cost.goal_cost = random() % 2 == 0 ? GoalCost::kQuadratic : GoalCost::kAbsolute;
+    cost.climb = uniform(0.0, 1.0);
+    const auto with = [&](Kernel kernel) {
+      return Rollout(surroundings, guide, model, 300.0, kSafetyHeight_m, kProfile, options, cost,
+                     kernel);
+    };
+    Rollout plain = with(Kernel::kPlain);
+    for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
+      if (!is_available(kernel)) {
+        continue;
+      }
+      Rollout fast = with(kernel);
+      for (int place = 0; place < 20; ++place) {
+        auto state = command_model::trimmed_state(
+            uniform(1.0, 1499.0), uniform(1.0, 1499.0), relief_m + uniform(-20.0, 80.0),
+            uniform(20.0, 60.0), uniform(-kPi, kPi), uniform(-5.0, 5.0));
+        state.bank_left_rad = uniform(-0.5, 0.5);
+        const auto trigonometry = command_model::trigonometry_of(state);
+        const DirectionQuestion question{
+            state.heading_math_rad, uniform(-kPi, kPi), uniform(-0.1, 0.1), -0.17, 0.18,
+            uniform(0.0, 1.0)};
+        const double along_m = uniform(0.0, guide.length_m());
+        const double target_rad = uniform(-kPi, kPi);
+        const double commanded_rad = uniform(-kPi, kPi);
+        const double before_rad = uniform(-kPi, kPi);
+        const double reach_m = place % 3 == 0 ? uniform(20.0, 600.0) : 1e9;
+        const RolloutChoice a = plain.choose(state, trigonometry, along_m, question, target_rad,
+                                             commanded_rad, before_rad, reach_m);
+        const RolloutChoice b = fast.choose(state, trigonometry, along_m, question, target_rad,
+                                            commanded_rad, before_rad, reach_m);
+        ASSERT_EQ(a.direction_rad, b.direction_rad) << name_of_kernel(kernel);
+        ASSERT_EQ(a.least_climb_rad, b.least_climb_rad) << name_of_kernel(kernel);
+        ASSERT_EQ(a.needed_commanded, b.needed_commanded) << name_of_kernel(kernel);
+        ASSERT_EQ(a.needed_near, b.needed_near) << name_of_kernel(kernel);
+        ASSERT_EQ(a.ahead.climb_rate_mps, b.ahead.climb_rate_mps) << name_of_kernel(kernel);
+        ASSERT_EQ(a.ahead.shortfall_rate_mps, b.ahead.shortfall_rate_mps) << name_of_kernel(kernel);
+        (a.direction_rad ? chosen : none) += 1;
+      }
+    }
+  }
+  EXPECT_GT(chosen, 100);
+  EXPECT_GT(none, 100);
+}
+
+}  // namespace
+}  // namespace hedgehop::local_planning
