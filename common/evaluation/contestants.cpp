@@ -242,6 +242,9 @@ std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
     contestants.push_back({name, turn_rule, is_stock, std::move(run)});
   };
   for (const std::string& name : names) {
+    if (std::count(names.begin(), names.end(), name) > 1) {
+      throw UsageError("the planner '" + name + "' is named twice", "name each planner once");
+    }
     if (name == "recommended") {
       add(name, config.global.turn_radius_m > 0.0 ? "radius" : "angle", false,
           [&costs, &config, clock](const OptimalityTask& task, const Observer& observer) {

@@ -23,7 +23,7 @@ std::vector<std::string> contestant_names();
 /// Time counts from before the flight envelope is built. The library's planners run in a child
 /// process each, which is ended `overrun_s` after the last budget. `costs` and `config` must
 /// outlive the contestants.
-/// @throws UsageError  for a name that is not in contestant_names().
+/// @throws UsageError  for a name that is not in contestant_names(), or stands there twice.
 std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
                                          const risk::CostModel& costs,
                                          const planning::PlanningConfig& config, double overrun_s,

@@ -80,12 +80,8 @@ std::string optimality_result_json(const OptimalityResult& result, const Machine
   json["drawn"] = result.problems.size();
   json["rejected_draws"] = result.rejected_draws;
   json["rows"] = Json::array();
-  std::vector<std::string> names;  // of the contestants, in their order
   for (const OptimalityRow& row : result.rows) {
     json["rows"].push_back(row_json(row));
-    if (names.empty() || names.back() != row.planner) {
-      names.push_back(row.planner);
-    }
   }
   json["cost_ratios"] = Json::array();
   for (const CostRatio& ratio : result.ratios) {
@@ -107,7 +103,9 @@ std::string optimality_result_json(const OptimalityResult& result, const Machine
     entry["lower_bound_m"] = problem.lower_bound_m;
     entry["runs"] = Json::array();
     for (std::size_t i = 0; i < problem.attempts.size(); ++i) {
-      entry["runs"].push_back(attempt_json(problem.attempts[i], names[i]));
+      // Rows of a contestant, one a budget, follow one another.
+      const std::string& planner = result.rows[i * result.options.budgets_s.size()].planner;
+      entry["runs"].push_back(attempt_json(problem.attempts[i], planner));
     }
     json["problems"].push_back(std::move(entry));
   }

@@ -315,12 +315,15 @@ TEST(Contestants, OnFlatGroundEachFindsTheStraightWay) {
   EXPECT_GT(result.rows[0].edges_per_s, 0.0);
 }
 
-TEST(Contestants, RefuseANameThatNoneHas) {
+TEST(Contestants, RefuseANameThatNoneHasAndOneThatStandsTwice) {
   const map::Map map = flat_map();
   const planning::PlanningConfig config = level_planning();
   const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility);
   EXPECT_THROW(make_contestants({"bitstar", "ompl_magic"}, costs, config, 1.0, counting_clock()),
                UsageError);
+  EXPECT_THROW(
+      make_contestants({"bitstar", "dubins", "bitstar"}, costs, config, 1.0, counting_clock()),
+      UsageError);
 }
 
 TEST(ReadOptimalityConfig, ReadsWhatShipsAndRefusesNonsense) {
