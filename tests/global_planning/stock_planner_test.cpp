@@ -75,9 +75,11 @@ TEST_P(EachStockPlanner, FindsRoutesThatFlyAndGetCheaper) {
     }
   }
   EXPECT_GT(planner.edge_evaluations(), 10);
-  // It goes on where it ended.
+  // It goes on where it ended; AIT* looks backward for a while before it asks for edges again.
   const std::int64_t before = planner.edge_evaluations();
-  in.run(planner, 200);
+  for (int attempt = 0; attempt < 50 && planner.edge_evaluations() == before; ++attempt) {
+    in.run(planner, 200);
+  }
   EXPECT_GT(planner.edge_evaluations(), before);
 }
 
