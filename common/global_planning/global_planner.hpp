@@ -56,7 +56,9 @@ struct RouteProblem {
   std::int64_t work_budget = 0;
 };
 
-/// Plans one leg with BIT*, then the shortcut scan and equidistant interpolation.
+/// Plans one leg: lattice search (BIT* where that finds nothing, or if asked for), lowest profile,
+/// corridor refinement, shortcut scan, equidistant interpolation. The route carries a strict lower
+/// bound of its cost, see CostBound. Why there is no route is told with cause, place and number.
 ///
 /// A function of its arguments alone: the same bytes for any number of threads. An observer that
 /// asks to stop ends the search with the best route so far, or kStopped.
