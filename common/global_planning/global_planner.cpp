@@ -33,7 +33,8 @@ using flight::NoPlanCause;
 // The shortcut scan gets this share of the budget, but no more than a long route can use.
 constexpr std::int64_t kShortcutShare = 20;
 constexpr std::int64_t kShortcutWorkMax = 5000;
-// A third of the budget is kept for the refinement.
+// A third of the budget is kept for the refinement, except by the lattice, which spends no more
+// than it needs for its one route.
 constexpr std::int64_t kRefineShare = 3;
 constexpr double kProfileStep_m = 10.0;
 // The second one only where the profile of the first track does not fit between its samples.
@@ -247,8 +248,8 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
   tell(std::numeric_limits<double>::infinity());
   if (options.use_lattice) {
     for (const LatticeSpare& spare : kLatticeSpares) {
-      const LatticeResult found = search_lattice(
-          envelope, options, spare, search_budget - refine_budget - route.work_units, should_stop);
+      const LatticeResult found =
+          search_lattice(envelope, options, spare, search_budget - route.work_units, should_stop);
       route.work_units += found.work_units;
       if (found.track.empty()) {
         break;
@@ -269,10 +270,11 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
       }
     };
     const auto space = make_space_information(envelope, options.check_step_m);
-    const auto planner = make_bit_star(space, envelope, options, problem.seed,
-                                       {std::min(search_budget - refine_budget - spent,
-                                                 options.use_lattice ? kFallbackWork : budget),
-                                        tell_of});
+    const auto planner =
+        make_bit_star(space, envelope, options, problem.seed,
+                      {std::clamp<std::int64_t>(search_budget - refine_budget - spent, 0,
+                                                options.use_lattice ? kFallbackWork : budget),
+                       tell_of});
     planner->setProblemDefinition(make_problem(space, envelope));
     planner->setup();
     planner->solve(ompl::base::PlannerTerminationCondition(should_stop));
