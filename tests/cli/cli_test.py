@@ -616,7 +616,9 @@ class Json(CliTest):
 
     def test_evaluate_local_speed(self):
         found = self.one_object("evaluate", "local-speed", "--repeats", "1", "--reference-repeats", "1", "--length", "2000")
-        self.assertEqual(sum(row["paper_ms_per_km"] is not None for row in found["rows"]), 28)
+        table = [row for row in found["rows"] if row["planner"] == "tvfh" and row["paper_ms_per_km"] is not None]
+        self.assertEqual(len(table), 28)
+        self.assertEqual([row["cell_m"] for row in found["rows"] if row["planner"] == "rollout"], [30.0, 10.0, 5.0])
         for row in found["rows"]:
             self.assertTrue(row["same_bytes"], row)
             self.assertLess(row["ms_per_km"], row["reference_ms_per_km"])
