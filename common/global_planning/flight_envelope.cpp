@@ -418,6 +418,16 @@ bool FlightEnvelope::is_clear(const flight::Waypoint& a, const flight::Waypoint&
   return areas_.empty() || costs_->areas().hard_area_on(a, b) == nullptr;
 }
 
+double FlightEnvelope::spare_share(const geo::MapPoint& point) const {
+  double share = 1.0;
+  for (const End& end : ends_) {
+    const double dx_m = point.x_m - end.x_m;
+    const double dy_m = point.y_m - end.y_m;
+    share = std::min(share, (dx_m * dx_m + dy_m * dy_m) / (funnel_m_ * funnel_m_));
+  }
+  return share;
+}
+
 FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo::MapPoint& b,
                                                const AltitudeBand& altitudes,
                                                const FollowRules& rules) const {
@@ -432,13 +442,7 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
     const double t = static_cast<double>(k) / steps;
     const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
     const Sample here = sample(point.x_m, point.y_m);
-    double margin_m = rules.margin_m;
-    for (const End& end : ends_) {
-      const double from_x_m = point.x_m - end.x_m;
-      const double from_y_m = point.y_m - end.y_m;
-      const double square_m2 = from_x_m * from_x_m + from_y_m * from_y_m;
-      margin_m = std::min(margin_m, rules.margin_m * square_m2 / (funnel_m_ * funnel_m_));
-    }
+    const double margin_m = rules.margin_m * spare_share(point);
     result.altitudes.low_m = std::max(result.altitudes.low_m - rise_m, here.band.low_m + margin_m);
     result.altitudes.high_m =
         std::min(result.altitudes.high_m + rise_m, here.band.high_m - margin_m);

@@ -89,6 +89,11 @@ class FlightEnvelope {
   [[nodiscard]] Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b,
                                const AltitudeBand& altitudes, const FollowRules& rules) const;
 
+  /// How much of a spare to the band may be asked for at a place: all of it outside the funnels,
+  /// less with the square of the distance inside, nothing at start and goal. With more, a level
+  /// take-off would not be a flight.
+  [[nodiscard]] double spare_share(const geo::MapPoint& point) const;
+
   /// Tangent of the climb limit.
   [[nodiscard]] double climb_tangent_max() const { return climb_tangent_max_; }
 

@@ -35,6 +35,8 @@ constexpr std::array<std::array<int, 2>, kDirections> kStep = {{{1, 0},
 constexpr double kTurnMax_rad = 0.46364760900080609;  // between (1, 0) and (2, 1)
 // The band is sampled this densely; the profile is exact afterwards.
 constexpr double kStep_m = 15.0;
+// First and last leg, where there is no spare for what lies between the samples.
+constexpr double kEndStep_m = 2.5;
 // A label is as good as another whose interval is smaller by this at either end.
 constexpr double kIntervalTolerance_m = 3.0;
 constexpr int kLabelsMax = 6;  // of one node and direction
@@ -143,10 +145,12 @@ class Search {
     return {from_.x_m + (column - west_) * spacing_m_, from_.y_m + (row - south_) * spacing_m_};
   }
 
-  FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b, double low_m,
-                                 double high_m) {
+  FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b, const Label& from,
+                                 double step_m) {
     ++work_units_;
-    return envelope_.follow(a, b, {low_m, high_m}, {kStep_m, spare_.margin_m, spare_.climb_share});
+    return envelope_.follow(a, b,
+                            {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
+                            {step_m, spare_.margin_m, spare_.climb_share});
   }
 
   void push(const Label& label, double key_m) {
@@ -220,7 +224,7 @@ class Search {
                             static_cast<std::size_t>(direction)];
     }
     const FlightEnvelope::Arrival arrival =
-        follow(a, b, static_cast<double>(from.low_m), static_cast<double>(from.high_m));
+        follow(a, b, from, from.before >= 0 ? kStep_m : kEndStep_m);
     if (!arrival.altitudes.is_flyable()) {
       return;
     }
@@ -268,11 +272,8 @@ class Search {
         (index > 0 && !envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, dx_m, dy_m))) {
       return;
     }
-    ++work_units_;
     const double z_m = to_.altitude_m;
-    const FlightEnvelope::Arrival arrival =
-        envelope_.follow(a, b, {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
-                         {kStep_m, 0.0, spare_.climb_share});
+    const FlightEnvelope::Arrival arrival = follow(a, b, from, kEndStep_m);
     if (arrival.altitudes.low_m <= z_m && z_m <= arrival.altitudes.high_m) {
       Label label = from;
       label.before = index;

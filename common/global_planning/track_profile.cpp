@@ -9,9 +9,11 @@ namespace {
 
 // Legs may run this far above the lowest profile: fewer bends, hardly more cost.
 constexpr double kBendTolerance_m = 4.0;
-// Spare to the band at the samples, for what lies between them; raised where that is not enough.
+// Spare to the band at the samples, for what lies between them. Where that is not enough they are
+// raised, each time by twice as much: near start and goal there are only centimetres to give.
 constexpr double kMargin_m = 0.5;
-constexpr double kRaise_m = 1.0;
+constexpr double kFirstRaise_m = 1.0 / 1024.0;
+constexpr int kEndSplits = 4;  // and so the samples are denser there
 constexpr int kTriesMax = 16;
 
 struct Sample {
@@ -19,6 +21,7 @@ struct Sample {
   double along_m;
   AltitudeBand band;
   bool is_corner;
+  double raise_m = kFirstRaise_m;
 };
 
 std::vector<Sample> sample_track(const FlightEnvelope& envelope,
@@ -32,11 +35,18 @@ std::vector<Sample> sample_track(const FlightEnvelope& envelope,
     const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
     const int parts = std::max(1, static_cast<int>(std::ceil(leg_m / step_m)));
     const double begin_m = samples.back().along_m;
-    for (int k = 1; k <= parts; ++k) {
-      const double t = static_cast<double>(k) / parts;
-      const geo::MapPoint point =
-          k == parts ? b : geo::MapPoint{a.x_m + t * dx_m, a.y_m + t * dy_m};
-      samples.push_back({point, begin_m + t * leg_m, envelope.band_at(point), k == parts});
+    const auto point_at = [&](double t) {
+      return geo::MapPoint{a.x_m + t * dx_m, a.y_m + t * dy_m};
+    };
+    for (int k = 0; k < parts; ++k) {
+      const bool is_near_end = envelope.spare_share(point_at((k + 0.5) / parts)) < 1.0;
+      const int splits = is_near_end ? kEndSplits : 1;
+      for (int split = 1; split <= splits; ++split) {
+        const double t = (k + static_cast<double>(split) / splits) / parts;
+        const bool is_corner = k + 1 == parts && split == splits;
+        const geo::MapPoint point = is_corner ? b : point_at(t);
+        samples.push_back({point, begin_m + t * leg_m, envelope.band_at(point), is_corner});
+      }
     }
   }
   return samples;
@@ -56,7 +66,9 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
       return {};
     }
     if (i > 0 && i < last) {
-      samples[i].band.low_m = std::min(samples[i].band.low_m + kMargin_m, samples[i].band.high_m);
+      samples[i].band.low_m =
+          std::min(samples[i].band.low_m + kMargin_m * envelope.spare_share(samples[i].point),
+                   samples[i].band.high_m);
     }
   }
   const double start_m = envelope.start().altitude_m;
@@ -122,7 +134,8 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
         // Between these two the ground rises above the line that joins them.
         for (const std::size_t k : {i, i + 1}) {
           if (k > 0 && k < last) {
-            samples[k].band.low_m += kRaise_m;
+            samples[k].band.low_m += samples[k].raise_m;
+            samples[k].raise_m *= 2.0;
           }
         }
         is_raised = true;
