@@ -1,11 +1,9 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <random>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -17,6 +15,7 @@
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
 #include "preparation/prepare.hpp"
 #include "verbs.hpp"
@@ -27,18 +26,15 @@ namespace {
 struct RandomArguments {
   std::string map;
   std::int64_t problems = 0;
-  std::uint64_t seed = 0;
-  bool has_seed = false;
-  std::string config_file;
-  std::vector<std::string> settings;
+  SeedArgument seed;
+  PlanningArguments planning;
   std::string timings_file;
 };
 
 struct ProtectionArguments {
   std::string map;
   std::int64_t cells = 0;
-  std::uint64_t seed = 0;
-  bool has_seed = false;
+  SeedArgument seed;
   preparation::Simd simd = preparation::Simd::kBest;
 };
 
@@ -63,22 +59,10 @@ EvaluationConfig evaluation_config() {
   return config;
 }
 
-double process_cpu_s() {
-  timespec time{};
-  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
 double peak_bytes() {
   rusage usage{};
   ::getrusage(RUSAGE_SELF, &usage);
   return 1024.0 * static_cast<double>(usage.ru_maxrss);
-}
-
-double thread_cpu_s() {
-  timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 ExitCode run_random(const Console& console, const RandomArguments& arguments) {
@@ -86,11 +70,8 @@ ExitCode run_random(const Console& console, const RandomArguments& arguments) {
   if (arguments.problems > 0) {
     options.problems = arguments.problems;
   }
-  const std::uint64_t seed = arguments.has_seed ? arguments.seed : std::random_device{}();
-  console.say("seed " + std::to_string(seed));
-  const planning::PlanningConfig config = planning::read_planning_config(
-      planning::effective_planning_config(arguments.config_file, arguments.settings),
-      "effective configuration");
+  const std::uint64_t seed = arguments.seed.value(console);
+  const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = map::read_map_bundle(arguments.map);
   const auto observer = console.observer();
   const auto plan = [](const map::Map& on, const flight::PlanRequest& request,
@@ -127,8 +108,7 @@ ExitCode run_protection(const Console& console, const ProtectionArguments& argum
     options.error_cells = arguments.cells;
     options.gdal_cells = std::min(options.gdal_cells, arguments.cells);
   }
-  const std::uint64_t seed = arguments.has_seed ? arguments.seed : std::random_device{}();
-  console.say("seed " + std::to_string(seed));
+  const std::uint64_t seed = arguments.seed.value(console);
   const map::Map map = map::read_map_bundle(arguments.map);
   ConfigReader reader =
       ConfigReader::from_text(shipped_config("prepare.yaml"), "config/prepare.yaml");
@@ -184,13 +164,7 @@ void add_protection_verb(CLI::App& verb, Console& console) {
       ->add_option("--cells", arguments->cells,
                    "Cells to compare with brute force (default: evaluation.yaml)")
       ->check(CLI::Range(1, 1000000));
-  protection->add_option_function<std::uint64_t>(
-      "--seed",
-      [arguments](const std::uint64_t& value) {
-        arguments->seed = value;
-        arguments->has_seed = true;
-      },
-      "Seed of the drawing (default: a fresh one, printed)");
+  arguments->seed.add_to(*protection, "the drawing");
   protection
       ->add_option("--simd", arguments->simd,
                    "Instructions to use: avx2 or avx512 (default: the widest there is)")
@@ -238,17 +212,8 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       ->add_option("--problems", arguments->problems,
                    "Number of problems (default: evaluation.yaml)")
       ->check(CLI::Range(1, 100000));
-  random->add_option_function<std::uint64_t>(
-      "--seed",
-      [arguments](const std::uint64_t& value) {
-        arguments->seed = value;
-        arguments->has_seed = true;
-      },
-      "Seed of the drawing (default: a fresh one, printed)");
-  random->add_option("--config", arguments->config_file,
-                     "YAML file whose keys replace those of the shipped planning.yaml");
-  random->add_option("--set", arguments->settings, "One setting, key=value; may be repeated")
-      ->allow_extra_args(false);
+  arguments->seed.add_to(*random, "the drawing");
+  arguments->planning.add_to(*random);
   random->add_option("--timings", arguments->timings_file,
                      "Write the processor seconds of every plan to this JSON file");
   add_common_options(*random, console);

@@ -3,10 +3,10 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
-#include <random>
 
 #include "base/shipped_config.hpp"
 #include "evaluation/local_flights.hpp"
+#include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
 
 namespace hedgehop::cli {
@@ -15,10 +15,8 @@ namespace {
 struct LocalArguments {
   std::string map;
   std::int64_t flights = 0;
-  std::uint64_t seed = 0;
-  bool has_seed = false;
-  std::string config_file;
-  std::vector<std::string> settings;
+  SeedArgument seed;
+  PlanningArguments planning;
   std::string routes_folder;
 };
 
@@ -45,12 +43,6 @@ LocalEvaluationConfig shipped_evaluation() {
   return config_from(reader);
 }
 
-planning::PlanningConfig planning_config(const LocalArguments& arguments) {
-  return planning::read_planning_config(
-      planning::effective_planning_config(arguments.config_file, arguments.settings),
-      "effective configuration");
-}
-
 evaluation::DrawnRoutes routes_of(const map::Map& map, const planning::PlanningConfig& config,
                                   const evaluation::DrawingRules& rules, std::int64_t count,
                                   std::uint64_t seed, const LocalArguments& arguments,
@@ -61,12 +53,6 @@ evaluation::DrawnRoutes routes_of(const map::Map& map, const planning::PlanningC
   };
   return evaluation::draw_routes(map, config, rules, count, seed, arguments.routes_folder, plan,
                                  observer);
-}
-
-std::uint64_t seed_of(const Console& console, const LocalArguments& arguments) {
-  const std::uint64_t seed = arguments.has_seed ? arguments.seed : std::random_device{}();
-  console.say("seed " + std::to_string(seed));
-  return seed;
 }
 
 void print_change(const char* name, const evaluation::PairedChange& change, const char* paper) {
@@ -80,8 +66,8 @@ ExitCode run_table2(const Console& console, const LocalArguments& arguments) {
   if (arguments.flights > 0) {
     options.table2.runs = arguments.flights;
   }
-  const std::uint64_t seed = seed_of(console, arguments);
-  const planning::PlanningConfig config = planning_config(arguments);
+  const std::uint64_t seed = arguments.seed.value(console);
+  const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = map::read_map_bundle(arguments.map);
   const auto observer = console.observer();
   const evaluation::DrawnRoutes routes =
@@ -119,8 +105,8 @@ ExitCode run_local_safety(const Console& console, const LocalArguments& argument
   if (arguments.flights > 0) {
     options.safety.flights = arguments.flights;
   }
-  const std::uint64_t seed = seed_of(console, arguments);
-  const planning::PlanningConfig config = planning_config(arguments);
+  const std::uint64_t seed = arguments.seed.value(console);
+  const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = map::read_map_bundle(arguments.map);
   const auto observer = console.observer();
   const evaluation::DrawnRoutes routes =
@@ -149,19 +135,10 @@ std::shared_ptr<LocalArguments> add_arguments(CLI::App& verb, Console& console,
   auto arguments = std::make_shared<LocalArguments>();
   verb.add_option("--map", arguments->map, "Map bundle")->required();
   verb.add_option(flights_name, arguments->flights, flights_help)->check(CLI::Range(1, 100000));
-  verb.add_option_function<std::uint64_t>(
-      "--seed",
-      [arguments](const std::uint64_t& value) {
-        arguments->seed = value;
-        arguments->has_seed = true;
-      },
-      "Seed of all that is drawn (default: a fresh one, printed)");
+  arguments->seed.add_to(verb, "all that is drawn");
   verb.add_option("--routes", arguments->routes_folder,
                   "Folder that keeps the global routes for the next run (default: none is kept)");
-  verb.add_option("--config", arguments->config_file,
-                  "YAML file whose keys replace those of the shipped planning.yaml");
-  verb.add_option("--set", arguments->settings, "One setting, key=value; may be repeated")
-      ->allow_extra_args(false);
+  arguments->planning.add_to(verb);
   add_common_options(verb, console);
   return arguments;
 }

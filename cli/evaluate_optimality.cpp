@@ -3,14 +3,13 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <fstream>
 #include <memory>
-#include <random>
 
 #include "base/shipped_config.hpp"
 #include "evaluation/contestants.hpp"
 #include "evaluation/optimality_evaluation.hpp"
+#include "evaluation_arguments.hpp"
 #include "hedgehop_version.hpp"
 #include "map/map_bundle.hpp"
 #include "preparation/visibility.hpp"
@@ -26,17 +25,9 @@ struct Arguments {
   std::vector<std::string> planners;
   double distance_m = 0.0;
   double polish_s = -1.0;
-  std::uint64_t seed = 0;
-  bool has_seed = false;
-  std::string config_file;
-  std::vector<std::string> settings;
+  SeedArgument seed;
+  PlanningArguments planning;
 };
-
-double process_cpu_s() {
-  timespec time{};
-  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 evaluation::MachineRecord this_machine() {
   evaluation::MachineRecord machine;
@@ -107,14 +98,10 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   options.polish_s = arguments.polish_s >= 0.0
                          ? arguments.polish_s
                          : evaluation::polish_s_of(shipped, options.budgets_s);
-  const std::uint64_t seed = arguments.has_seed ? arguments.seed : std::random_device{}();
-  console.say("seed " + std::to_string(seed));
-  const planning::PlanningConfig config = planning::read_planning_config(
-      planning::effective_planning_config(arguments.config_file, arguments.settings),
-      "effective configuration");
+  const std::uint64_t seed = arguments.seed.value(console);
+  const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = map::read_map_bundle(arguments.map);
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m, config.small_patch_m);
+  const risk::CostModel costs = planning::cost_model(map, config);
   const auto contestants = evaluation::make_contestants(options.planners, costs, config,
                                                         shipped.overrun_s, process_cpu_s);
   const auto observer = console.observer();
@@ -174,17 +161,8 @@ void add_optimality_verb(CLI::App& verb, Console& console) {
                    "Seconds for the best route of each problem (default: three times the last "
                    "budget, at most 60)")
       ->check(CLI::Range(0.0, 36000.0));
-  optimality->add_option_function<std::uint64_t>(
-      "--seed",
-      [arguments](const std::uint64_t& value) {
-        arguments->seed = value;
-        arguments->has_seed = true;
-      },
-      "Seed of the drawing (default: a fresh one, printed)");
-  optimality->add_option("--config", arguments->config_file,
-                         "YAML file whose keys replace those of the shipped planning.yaml");
-  optimality->add_option("--set", arguments->settings, "One setting, key=value; may be repeated")
-      ->allow_extra_args(false);
+  arguments->seed.add_to(*optimality, "the drawing");
+  arguments->planning.add_to(*optimality);
   add_common_options(*optimality, console);
   optimality->callback([&console, arguments] {
     console.action = [&console, arguments] { return run(console, *arguments); };

@@ -3,12 +3,12 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <map>
 #include <memory>
 #include <optional>
 
 #include "evaluation/local_speed.hpp"
+#include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
 #include "verbs.hpp"
 
@@ -19,24 +19,15 @@ using local_planning::Kernel;
 
 struct SpeedArguments {
   std::string map;
-  std::string config_file;
-  std::vector<std::string> settings;
+  PlanningArguments planning;
   evaluation::LocalSpeedOptions options{15, 3, 12000.0, Kernel::kBest};
 };
-
-double thread_cpu_s() {
-  timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 ExitCode run_local_speed(const Console& console, const SpeedArguments& arguments) {
   if (!local_planning::is_available(arguments.options.kernel)) {
     throw UsageError("this processor lacks the instructions that --simd asks for");
   }
-  const planning::PlanningConfig config = planning::read_planning_config(
-      planning::effective_planning_config(arguments.config_file, arguments.settings),
-      "effective configuration");
+  const planning::PlanningConfig config = arguments.planning.config();
   std::optional<map::Map> map;
   if (!arguments.map.empty()) {
     map = map::read_map_bundle(arguments.map);
@@ -92,10 +83,7 @@ void add_local_speed_verb(CLI::App& evaluate, Console& console) {
                    "Instructions to use: avx2 or avx512 (default: the widest there is)")
       ->transform(CLI::CheckedTransformer(
           std::map<std::string, Kernel>{{"avx2", Kernel::kAvx2}, {"avx512", Kernel::kAvx512}}));
-  verb->add_option("--config", arguments->config_file,
-                   "YAML file whose keys replace those of the shipped planning.yaml");
-  verb->add_option("--set", arguments->settings, "One setting, key=value; may be repeated")
-      ->allow_extra_args(false);
+  arguments->planning.add_to(*verb);
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {
     console.action = [&console, arguments] { return run_local_speed(console, *arguments); };

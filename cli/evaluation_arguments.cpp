@@ -1,0 +1,46 @@
+#include "evaluation_arguments.hpp"
+
+#include <CLI/CLI.hpp>
+#include <ctime>
+#include <random>
+
+namespace hedgehop::cli {
+namespace {
+
+double seconds_of(clockid_t clock) {
+  timespec time{};
+  ::clock_gettime(clock, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+}  // namespace
+
+void PlanningArguments::add_to(CLI::App& verb) {
+  verb.add_option("--config", config_file,
+                  "YAML file whose keys replace those of the shipped planning.yaml");
+  verb.add_option("--set", settings, "One setting, key=value; may be repeated")
+      ->allow_extra_args(false);
+}
+
+planning::PlanningConfig PlanningArguments::config() const {
+  return planning::read_planning_config(planning::effective_planning_config(config_file, settings),
+                                        "effective configuration");
+}
+
+void SeedArgument::add_to(CLI::App& verb, const char* of_what) {
+  verb.add_option_function<std::uint64_t>(
+      "--seed", [this](const std::uint64_t& value) { given = value; },
+      "Seed of " + std::string(of_what) + " (default: a fresh one, printed)");
+}
+
+std::uint64_t SeedArgument::value(const Console& console) const {
+  const std::uint64_t seed = given ? *given : std::random_device{}();
+  console.say("seed " + std::to_string(seed));
+  return seed;
+}
+
+double thread_cpu_s() { return seconds_of(CLOCK_THREAD_CPUTIME_ID); }
+
+double process_cpu_s() { return seconds_of(CLOCK_PROCESS_CPUTIME_ID); }
+
+}  // namespace hedgehop::cli

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "console.hpp"
+#include "planning/planning.hpp"
+
+namespace hedgehop::cli {
+
+/// --config and --set: what to change of the shipped planning config. Must outlive the parsing.
+struct PlanningArguments {
+  std::string config_file;
+  std::vector<std::string> settings;
+
+  void add_to(CLI::App& verb);
+  /// Throws ConfigError.
+  [[nodiscard]] planning::PlanningConfig config() const;
+};
+
+/// --seed. Must outlive the parsing.
+struct SeedArgument {
+  std::optional<std::uint64_t> given;
+
+  void add_to(CLI::App& verb, const char* of_what);
+  /// The one given, or a fresh one; told on stderr either way.
+  [[nodiscard]] std::uint64_t value(const Console& console) const;
+};
+
+/// Processor seconds of the calling thread, and of the whole process.
+double thread_cpu_s();
+double process_cpu_s();
+
+}  // namespace hedgehop::cli
