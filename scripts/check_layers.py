@@ -168,6 +168,9 @@ class Check:
         is_public = folder == "common" and inside in self.public[room]
         self.files += 1
         text = BLOCK_COMMENT.sub(lambda m: re.sub(r"[^\n]", " ", m.group()), path.read_text())
+        own_header = inside[:-4] + ".hpp"
+        if folder == "common" and path.suffix == ".cpp" and own_header in self.public[room]:
+            self.check_own_header(path, text, f"{room}/{own_header}")
         for number, line in enumerate(text.split("\n"), 1):
             if EXCUSE.search(line):
                 continue
@@ -182,6 +185,16 @@ class Check:
                     hit = words.search(code)
                     if hit and is_wrong(folder, room):
                         self.say(path, number, f"{hit.group(0).rstrip('( ')}: {why}")
+
+    def check_own_header(self, path, text, header):
+        """A source that begins with its own header proves that this compiles alone."""
+        for number, line in enumerate(text.split("\n"), 1):
+            match = INCLUDE.match(line)
+            if match:
+                if match.group(2) != header:
+                    self.say(path, number, f'begin with "{header}": so it is seen to compile alone')
+                return
+        self.say(path, 1, f'includes nothing; begin with "{header}"')
 
     def check_include(self, folder, room, path, number, kind, name, allowed, in_headers, in_sources, is_public):
         owner = room if folder == "common" else folder
@@ -243,6 +256,7 @@ FAULTS = [
     ("common/risk/planted.cpp", "double f(double x) { return 2.0 * atan2(x, 1.0); }\n", "use hedgehop::elementary"),
     ("common/map/planted.cpp", 'const char* f() { return std::getenv("HOME"); }\n', "read at the edges only"),
     ("common/global_planning/planted.cpp", "std::random_device device;\n", "seeds come with the request"),
+    ("common/base/errors.cpp", "#include <vector>\n#include \"base/errors.hpp\"\n", 'begin with "base/errors.hpp"'),
     ("common/new_room/planted.cpp", "\n", "a room that scripts/check_layers.py does not know"),
     ("cli/planted.cpp", "#include <lcm/lcm-cpp.hpp>\n", "cli may not use lcm/lcm-cpp.hpp"),
     ("cli/planted.cpp", '#include "hedgehop/route_t.hpp"\n', "cli may not use hedgehop/route_t.hpp"),

@@ -29,15 +29,6 @@ PlanningConfig config_with(const std::string& text, const std::vector<std::strin
   return planning::read_planning_config(changed, "planning config with settings of an evaluation");
 }
 
-risk::CostModel costs_of(const map::Map& map, const PlanningConfig& config) {
-  return {map,
-          config.weights,
-          config.semantics,
-          config.unknown_visibility,
-          config.reference_height_m,
-          config.small_patch_m};
-}
-
 // Nothing if the flight did not reach the goal.
 std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningConfig& config,
                                  const DrawnRoute& route, const Observer& observer) {
@@ -272,7 +263,7 @@ Table2Result evaluate_table2(const map::Map& map, const PlanningConfig& config,
                              std::uint64_t seed, Observer& observer) {
   const PlanningConfig plain_config = config_with(config.text, options.plain_settings);
   const PlanningConfig lateral_config = config_with(config.text, options.lateral_settings);
-  const risk::CostModel costs = costs_of(map, config);
+  const risk::CostModel costs = planning::cost_model(map, config);
   const std::size_t count = routes.routes.size();
   std::vector<Outcome> plain(count);
   std::vector<Outcome> lateral(count);
@@ -357,7 +348,8 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
         near = near_towers(map.geometry, towers, options.tower_near_m);
       }
       const bool has_towers = options.rows[r].has_towers;
-      const risk::CostModel costs = costs_of(has_towers ? *with_towers : map, configs[r]);
+      const risk::CostModel costs =
+          planning::cost_model(has_towers ? *with_towers : map, configs[r]);
       outcomes[r][i] =
           safety_of(flown(costs, configs[r], route, observer), has_towers ? *near : no_towers,
                     configs[r].demands.ceiling_height_m);

@@ -252,8 +252,7 @@ OptimalityResult evaluate_optimality(const map::Map& map, const planning::Planni
                                                1);
   const DrawnProblems drawn = draw_problems(map, options.drawing, options.problems, seed);
   const geo::MapProjection projection(map.crs_wkt);
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m, config.small_patch_m);
+  const risk::CostModel costs = planning::cost_model(map, config);
   OptimalityResult result;
   result.seed = seed;
   result.map_hash = map.hash;

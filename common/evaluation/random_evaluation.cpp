@@ -128,8 +128,7 @@ RandomResult evaluate_random(const map::Map& map, const planning::PlanningConfig
   }
   const planning::PlanningConfig baseline =
       planning::read_planning_config(baseline_text, "planning config with baseline_settings");
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m, config.small_patch_m);
+  const risk::CostModel costs = planning::cost_model(map, config);
 
   const DrawnProblems drawn = draw_problems(map, options.drawing, options.problems, seed);
   RandomResult result;

@@ -124,6 +124,15 @@ std::string heights_text(const map::Map& map) {
 
 }  // namespace
 
+risk::CostModel cost_model(const map::Map& map, const PlanningConfig& config) {
+  return {map,
+          config.weights,
+          config.semantics,
+          config.unknown_visibility,
+          config.reference_height_m,
+          config.small_patch_m};
+}
+
 std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
                                                    const flight::PlanRequest& request,
                                                    const PlanningConfig& config,
@@ -146,8 +155,7 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
                      "choose a speed within these limits, or another vehicle_file");
   }
   const geo::MapProjection projection(map.crs_wkt);
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m, config.small_patch_m);
+  const risk::CostModel costs = cost_model(map, config);
   std::vector<flight::Waypoint> stops;
   const auto place = [&](const flight::RequestPoint& point,
                          const EndCauses& causes) -> std::optional<NoPlan> {
@@ -230,8 +238,7 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   HEDGEHOP_ASSERT(route_plan.config_text == config.text);
   HEDGEHOP_ASSERT(route_plan.route.guide.size() >= 2);
   const geo::MapProjection projection(map.crs_wkt);
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m, config.small_patch_m);
+  const risk::CostModel costs = cost_model(map, config);
 
   RouteTask task;
   task.start = route_plan.start;

@@ -40,6 +40,9 @@ PlanningConfig read_planning_config(const std::string& text, const std::string& 
 std::string effective_planning_config(const std::string& config_file,
                                       const std::vector<std::string>& settings);
 
+/// What flying over the map costs with this config. Keeps a pointer to the map.
+risk::CostModel cost_model(const map::Map& map, const PlanningConfig& config);
+
 /// Request -> route: what the global_planner service does. Throws UsageError for a speed that the
 /// vehicle does not fly.
 std::variant<flight::RoutePlan, flight::NoPlan> plan_route(

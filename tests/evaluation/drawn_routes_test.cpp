@@ -10,24 +10,14 @@
 #include "support/fresh_seed.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
 
 map::Map flat_map() {
   map::Map map = test::make_map(500, 400, 30.0, [](double, double) { return 200.0; });
-  map.geometry.west_m = 600000.0;
-  map.geometry.south_m = 5500000.0;
-  const auto moved = [&](auto& grid) {
-    auto copy = grid;
-    grid = {map.geometry, {}};
-    grid.values() = copy.values();
-  };
-  moved(map.terrain_m);
-  moved(map.surface_m);
-  moved(map.semantics);
-  moved(map.visibility);
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
+  test::place_in_utm(map);
   test::finish_map(map);
   return map;
 }

@@ -8,27 +8,17 @@
 #include "base/shipped_config.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
-
-constexpr double kWest_m = 600000.0;
-constexpr double kSouth_m = 5500000.0;
 
 // 9 x 6 km of low hills in UTM zone 32, seen in stripes.
 map::Map striped_hills() {
   map::Map map = test::make_map(300, 200, 30.0, [](double x_m, double y_m) {
     return 400.0 + 12.0 * (std::sin(x_m / 400.0) + std::cos(y_m / 300.0));
   });
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
-  map.geometry.west_m = kWest_m;
-  map.geometry.south_m = kSouth_m;
-  raster::Grid<float> terrain_m(map.geometry, 0.0F);
-  terrain_m.values() = map.terrain_m.values();
-  map.terrain_m = terrain_m;
-  map.surface_m = terrain_m;
-  map.semantics = raster::Grid<std::uint16_t>(map.geometry, 0);
-  map.visibility = raster::Grid<std::uint16_t>(map.geometry, 0);
+  test::place_in_utm(map);
   for (int row = 0; row < 200; ++row) {
     for (int column = 0; column < 300; ++column) {
       map.visibility.at(column, row) =
@@ -45,7 +35,7 @@ DrawnRoutes straight_routes(const map::Map& map) {
     DrawnRoute route;
     route.problem = 10 + i;
     for (double x_m = 1500.0; x_m <= 7500.0; x_m += 50.0) {
-      const geo::MapPoint point{kWest_m + x_m, kSouth_m + 2000.0 + 800.0 * i};
+      const geo::MapPoint point{test::kUtmWest_m + x_m, test::kUtmSouth_m + 2000.0 + 800.0 * i};
       route.guide.push_back(
           {point.x_m, point.y_m, raster::sample_bilinear(map.surface_m, point) + 35.0});
     }

@@ -11,6 +11,7 @@
 #include "evaluation/contestants.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
@@ -21,18 +22,7 @@ using ::testing::HasSubstr;
 // 12 x 9 km, flat at 200 m and unseen: eq. (1) is length plus 0.01 a metre of height off reference.
 map::Map flat_map() {
   map::Map map = test::make_map(400, 300, 30.0, [](double, double) { return 200.0; });
-  map.geometry.west_m = 600000.0;
-  map.geometry.south_m = 5500000.0;
-  const auto moved = [&](auto& grid) {
-    auto copy = grid;
-    grid = {map.geometry, {}};
-    grid.values() = copy.values();
-  };
-  moved(map.terrain_m);
-  moved(map.surface_m);
-  moved(map.semantics);
-  moved(map.visibility);
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
+  test::place_in_utm(map);
   test::finish_map(map);
   return map;
 }
@@ -276,8 +266,7 @@ TEST(Contestants, GiveTheSameRoutesUnderTheSameReadings) {
   const map::Map map = flat_map();
   SilentObserver observer;
   const planning::PlanningConfig config = test_planning({"global.work_budget=20000"});
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
+  const risk::CostModel costs = planning::cost_model(map, config);
   const std::uint64_t seed = test::fresh_seed();
   const auto run = [&] {
     const auto contestants =
@@ -294,8 +283,7 @@ TEST(Contestants, OnFlatGroundEachFindsTheStraightWay) {
   const map::Map map = flat_map();
   SilentObserver observer;
   const planning::PlanningConfig config = test_planning({"global.work_budget=20000"});
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
+  const risk::CostModel costs = planning::cost_model(map, config);
   std::vector<std::string> names = contestant_names();
   const auto contestants = make_contestants(names, costs, config, 5.0, counting_clock());
   OptimalityOptions options = test_options(1, {0.4});
@@ -318,7 +306,7 @@ TEST(Contestants, OnFlatGroundEachFindsTheStraightWay) {
 TEST(Contestants, RefuseANameThatNoneHasAndOneThatStandsTwice) {
   const map::Map map = flat_map();
   const planning::PlanningConfig config = level_planning();
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility);
+  const risk::CostModel costs = planning::cost_model(map, config);
   EXPECT_THROW(make_contestants({"bitstar", "ompl_magic"}, costs, config, 1.0, counting_clock()),
                UsageError);
   EXPECT_THROW(

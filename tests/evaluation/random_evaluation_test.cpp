@@ -10,6 +10,7 @@
 #include "base/shipped_config.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
@@ -20,23 +21,12 @@ using ::testing::HasSubstr;
 // eastern by half.
 map::Map two_halves() {
   map::Map map = test::make_map(500, 400, 30.0, [](double, double) { return 200.0; });
-  map.geometry.west_m = 600000.0;
-  map.geometry.south_m = 5500000.0;
-  const auto moved = [&](auto& grid) {
-    auto copy = grid;
-    grid = {map.geometry, {}};
-    grid.values() = copy.values();
-  };
-  moved(map.terrain_m);
-  moved(map.surface_m);
-  moved(map.semantics);
-  moved(map.visibility);
+  test::place_in_utm(map);
   for (int row = 0; row < 400; ++row) {
     for (int column = 0; column < 500; ++column) {
       map.visibility.at(column, row) = test::stored_visibility(column < 250 ? 0.2 : 0.5);
     }
   }
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
   test::finish_map(map);
   return map;
 }

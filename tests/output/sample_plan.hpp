@@ -10,6 +10,7 @@
 #include "map/map.hpp"
 #include "raster/grid.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::test {
 
@@ -21,20 +22,7 @@ inline map::Map make_sample_map() {
     return 480.0 + 110.0 * std::sin(x_m / 900.0) * std::cos(y_m / 1100.0) +
            60.0 * std::sin((x_m + 2.0 * y_m) / 2100.0) + 8.0 * std::sin(x_m / 170.0);
   });
-  const auto move = [&](auto& grid) {
-    raster::GridGeometry geometry = grid.geometry();
-    geometry.west_m = kWest_m;
-    geometry.south_m = kSouth_m;
-    auto moved = std::decay_t<decltype(grid)>(geometry, {});
-    moved.values() = grid.values();
-    grid = moved;
-  };
-  move(map.terrain_m);
-  move(map.surface_m);
-  move(map.semantics);
-  move(map.visibility);
-  map.geometry = map.terrain_m.geometry();
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
+  place_in_utm(map, kWest_m, kSouth_m);
   map.vertical_datum = "EGM96";
   map.label = "SYNTHETIC REGION";
   map.attributions = {"Hills made of sines, not a real place"};

@@ -8,30 +8,19 @@
 
 #include "base/angles.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::planning {
 namespace {
 
 using ::testing::HasSubstr;
 
-constexpr double kWest_m = 600000.0;
-constexpr double kSouth_m = 5500000.0;
-
 // 18 x 12 km of rolling hills, 120 m of relief, slopes up to 9 degrees, in UTM zone 32.
 map::Map rolling_hills() {
   map::Map map = test::make_map(600, 400, 30.0, [](double x_m, double y_m) {
     return 400.0 + 30.0 * std::sin(x_m / 700.0) + 30.0 * std::cos(y_m / 600.0);
   });
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
-  map.geometry.west_m = kWest_m;
-  map.geometry.south_m = kSouth_m;
-  map.terrain_m = [&] {
-    raster::Grid<float> grid(map.geometry, 0.0F);
-    grid.values() = map.terrain_m.values();
-    return grid;
-  }();
-  map.surface_m = map.terrain_m;
-  map.semantics = raster::Grid<std::uint16_t>(map.geometry, 0);
+  test::place_in_utm(map);
   map.visibility = raster::Grid<std::uint16_t>(map.geometry, test::stored_visibility(0.1));
   test::finish_map(map);
   return map;
@@ -40,7 +29,8 @@ map::Map rolling_hills() {
 flight::RequestPoint place(const map::Map& map, double east_m, double north_m,
                            std::optional<double> height_m = std::nullopt) {
   const geo::MapProjection projection(map.crs_wkt);
-  return {projection.to_geodetic({kWest_m + east_m, kSouth_m + north_m}), height_m};
+  return {projection.to_geodetic({test::kUtmWest_m + east_m, test::kUtmSouth_m + north_m}),
+          height_m};
 }
 
 PlanningConfig config_with(const std::vector<std::string>& settings) {
@@ -107,7 +97,7 @@ TEST_F(PlanningTest, StartOrGoalInsideANoFlyAreaIsRefusedWithItsName) {
   area.floor = {-std::numeric_limits<double>::infinity(), map::AreaLimit::Reference::kAmsl};
   area.ceiling = {2000.0, map::AreaLimit::Reference::kAmsl};
   const auto corner = [](double east_m, double north_m) {
-    return geo::MapPoint{kWest_m + east_m, kSouth_m + north_m};
+    return geo::MapPoint{test::kUtmWest_m + east_m, test::kUtmSouth_m + north_m};
   };
   area.polygons = {{{corner(2000, 2000), corner(4000, 2000), corner(4000, 4000), corner(2000, 4000),
                      corner(2000, 2000)},
@@ -140,8 +130,8 @@ TEST_F(PlanningTest, RouteWithViaPointPassesIt) {
   double nearest_m = 1e9;
   for (const flight::Waypoint& waypoint :
        std::get<flight::Plan>(result).route_plan.route.waypoints) {
-    nearest_m = std::min(
-        nearest_m, std::hypot(waypoint.x_m - kWest_m - 4000.0, waypoint.y_m - kSouth_m - 9000.0));
+    nearest_m = std::min(nearest_m, std::hypot(waypoint.x_m - test::kUtmWest_m - 4000.0,
+                                               waypoint.y_m - test::kUtmSouth_m - 9000.0));
   }
   EXPECT_LT(nearest_m, 0.01);
 }
@@ -155,7 +145,7 @@ TEST_F(PlanningTest, ViaPointWithAHeightIsNotFlownBelowByTheVerticalPass) {
   double nearest_m = 1e9;
   for (const flight::FlightState& state : plan.trajectory.states) {
     const double distance_m =
-        std::hypot(state.x_m - kWest_m - 4000.0, state.y_m - kSouth_m - 9000.0);
+        std::hypot(state.x_m - test::kUtmWest_m - 4000.0, state.y_m - test::kUtmSouth_m - 9000.0);
     if (distance_m < nearest_m) {
       nearest_m = distance_m;
       nearest = &state;
@@ -203,7 +193,8 @@ TEST_F(PlanningTest, EndsThatCannotBeFlownAreNamed) {
 }
 
 TEST_F(PlanningTest, VoidUnderTheStartIsNamed) {
-  const raster::CellIndex cell = map_.geometry.cell_at({kWest_m + 3000.0, kSouth_m + 3000.0});
+  const raster::CellIndex cell =
+      map_.geometry.cell_at({test::kUtmWest_m + 3000.0, test::kUtmSouth_m + 3000.0});
   map_.terrain_m.at(cell) = std::numeric_limits<float>::quiet_NaN();
   map_.surface_m.at(cell) = std::numeric_limits<float>::quiet_NaN();
   test::finish_map(map_);

@@ -7,12 +7,10 @@
 #include "base/shipped_config.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::planning {
 namespace {
-
-constexpr double kWest_m = 600000.0;
-constexpr double kSouth_m = 5500000.0;
 
 // 12 x 6 km in UTM zone 32, seen as `share` says.
 template <typename Share>
@@ -20,15 +18,7 @@ map::Map seen_hills(const Share& share, double relief_m) {
   map::Map map = test::make_map(400, 200, 30.0, [&](double x_m, double y_m) {
     return 400.0 + relief_m * (std::sin(x_m / 500.0) + std::cos(y_m / 400.0));
   });
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
-  map.geometry.west_m = kWest_m;
-  map.geometry.south_m = kSouth_m;
-  raster::Grid<float> terrain_m(map.geometry, 0.0F);
-  terrain_m.values() = map.terrain_m.values();
-  map.terrain_m = terrain_m;
-  map.surface_m = terrain_m;
-  map.semantics = raster::Grid<std::uint16_t>(map.geometry, 0);
-  map.visibility = raster::Grid<std::uint16_t>(map.geometry, 0);
+  test::place_in_utm(map);
   for (int row = 0; row < 200; ++row) {
     for (int column = 0; column < 400; ++column) {
       map.visibility.at(column, row) = test::stored_visibility(share(column, row));
@@ -46,7 +36,7 @@ PlanningConfig config_with(const std::vector<std::string>& settings) {
 RouteTask straight_task(const map::Map& map, const PlanningConfig& config) {
   RouteTask task;
   for (double x_m = 1500.0; x_m <= 10500.0; x_m += 50.0) {
-    const geo::MapPoint point{kWest_m + x_m, kSouth_m + 3000.0};
+    const geo::MapPoint point{test::kUtmWest_m + x_m, test::kUtmSouth_m + 3000.0};
     task.guide.push_back(
         {point.x_m, point.y_m, raster::sample_bilinear(map.surface_m, point) + 40.0});
   }
@@ -59,8 +49,7 @@ RouteTask straight_task(const map::Map& map, const PlanningConfig& config) {
 }
 
 RouteFlight flown(const map::Map& map, const PlanningConfig& config) {
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
+  const risk::CostModel costs = cost_model(map, config);
   SilentObserver observer;
   auto answer = fly_route(costs, config, straight_task(map, config), {}, observer);
   return std::get<RouteFlight>(std::move(answer));
@@ -174,8 +163,7 @@ TEST(RouteFlight, WayThatIsTooSteepAtFullSpeedIsFlownSlower) {
   auto only_fast = short_sight;
   only_fast.emplace_back("local.retry_speeds_mps=[]");
   const auto level = [&](const PlanningConfig& config) {
-    const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                                config.reference_height_m);
+    const risk::CostModel costs = cost_model(map, config);
     SilentObserver observer;
     RouteTask task = straight_task(map, config);
     for (flight::Waypoint& waypoint : task.guide) {
@@ -202,8 +190,7 @@ TEST(RouteFlight, StopRequestEndsItWithItsCause) {
   };
   const map::Map map = seen_hills([](int, int) { return 0.3; }, 0.0);
   const PlanningConfig config = config_with({});
-  const risk::CostModel costs(map, config.weights, config.semantics, config.unknown_visibility,
-                              config.reference_height_m);
+  const risk::CostModel costs = cost_model(map, config);
   Stopping observer;
   const auto answer = fly_route(costs, config, straight_task(map, config), {}, observer);
   ASSERT_TRUE(std::holds_alternative<flight::NoPlan>(answer));

@@ -9,6 +9,7 @@
 
 #include "planning/planning.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::planning {
 namespace {
@@ -17,8 +18,6 @@ using flight::NoPlanCause;
 using ::testing::HasSubstr;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kWest_m = 600000.0;
-constexpr double kSouth_m = 5500000.0;
 constexpr double kGround_m = 300.0;
 constexpr int kCells = 400;
 
@@ -28,25 +27,14 @@ struct Ground {
 
   Ground() {
     map = test::make_map(kCells, kCells, 30.0, [](double, double) { return kGround_m; });
-    map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
-    map.geometry.west_m = kWest_m;
-    map.geometry.south_m = kSouth_m;
-    const auto moved = [&](auto& grid) {
-      auto values = grid.values();
-      grid = {map.geometry, values.front()};
-      grid.values() = values;
-    };
-    moved(map.terrain_m);
-    moved(map.surface_m);
-    moved(map.semantics);
-    moved(map.visibility);
+    test::place_in_utm(map);
   }
   void raise(const std::function<double(double east_m, double north_m)>& elevation_m) {
     for (int row = 0; row < kCells; ++row) {
       for (int column = 0; column < kCells; ++column) {
         const geo::MapPoint centre = map.geometry.centre({column, row});
-        map.terrain_m.at(column, row) =
-            static_cast<float>(elevation_m(centre.x_m - kWest_m, centre.y_m - kSouth_m));
+        map.terrain_m.at(column, row) = static_cast<float>(
+            elevation_m(centre.x_m - test::kUtmWest_m, centre.y_m - test::kUtmSouth_m));
       }
     }
     map.surface_m = map.terrain_m;
@@ -58,7 +46,7 @@ struct Ground {
     area.floor = {-kInfinity, map::AreaLimit::Reference::kAmsl};
     area.ceiling = {ceiling_above_ground_m, map::AreaLimit::Reference::kAboveGround};
     const auto corner = [](double e_m, double n_m) {
-      return geo::MapPoint{kWest_m + e_m, kSouth_m + n_m};
+      return geo::MapPoint{test::kUtmWest_m + e_m, test::kUtmSouth_m + n_m};
     };
     area.polygons = {{{corner(west_m, south_m), corner(east_m, south_m), corner(east_m, north_m),
                        corner(west_m, north_m), corner(west_m, south_m)},
@@ -251,7 +239,8 @@ TEST_P(WhyNot, NamesCausePlaceAndNumber) {
   const geo::MapProjection projection(ground.map.crs_wkt);
   const auto request_point = [&](const End& end) {
     return flight::RequestPoint{
-        projection.to_geodetic({kWest_m + end.east_m, kSouth_m + end.north_m}), end.height_m};
+        projection.to_geodetic({test::kUtmWest_m + end.east_m, test::kUtmSouth_m + end.north_m}),
+        end.height_m};
   };
   const flight::PlanRequest request{.start = request_point(problem.start),
                                     .goal = request_point(problem.goal),
@@ -275,8 +264,8 @@ TEST_P(WhyNot, NamesCausePlaceAndNumber) {
   }
   if (problem.place) {
     ASSERT_TRUE(none->place.has_value());
-    EXPECT_LT(std::hypot(none->place->x_m - kWest_m - problem.place->east_m,
-                         none->place->y_m - kSouth_m - problem.place->north_m),
+    EXPECT_LT(std::hypot(none->place->x_m - test::kUtmWest_m - problem.place->east_m,
+                         none->place->y_m - test::kUtmSouth_m - problem.place->north_m),
               43.0);
   }
 }

@@ -5,11 +5,9 @@
 #include "flight/plan_request.hpp"
 #include "geo/map_projection.hpp"
 #include "support/test_map.hpp"
+#include "support/utm_map.hpp"
 
 namespace hedgehop::test {
-
-inline constexpr double kHillsWest_m = 600000.0;
-inline constexpr double kHillsSouth_m = 5500000.0;
 
 /// 7.2 x 4.8 km of rolling hills in UTM zone 32, seen more in the north than in the south. Quick to
 /// plan on; tiles differ from each other.
@@ -17,17 +15,9 @@ inline map::Map small_hills() {
   map::Map map = make_map(240, 160, 30.0, [](double x_m, double y_m) {
     return 400.0 + 30.0 * std::sin(x_m / 700.0) + 30.0 * std::cos(y_m / 600.0);
   });
-  map.crs_wkt = geo::MapProjection("EPSG:32632").wkt();
+  place_in_utm(map);
   map.label = "TEST HILLS";
   map.attributions = {"Invented for a test"};
-  map.geometry.west_m = kHillsWest_m;
-  map.geometry.south_m = kHillsSouth_m;
-  raster::Grid<float> terrain_m(map.geometry, 0.0F);
-  terrain_m.values() = map.terrain_m.values();
-  map.terrain_m = terrain_m;
-  map.surface_m = terrain_m;
-  map.semantics = raster::Grid<std::uint16_t>(map.geometry, 0);
-  map.visibility = raster::Grid<std::uint16_t>(map.geometry, 0);
   for (int row = 0; row < map.geometry.rows; ++row) {
     for (int column = 0; column < map.geometry.columns; ++column) {
       map.visibility.at(column, row) = stored_visibility((row + 0.1 * column) / 200.0);
@@ -38,8 +28,8 @@ inline map::Map small_hills() {
     }
   }
   map.overhead_lines = {{7,
-                         {{{kHillsWest_m + 3000.0, kHillsSouth_m + 100.0}, 30.0},
-                          {{kHillsWest_m + 3300.0, kHillsSouth_m + 400.0}, 30.0}}}};
+                         {{{kUtmWest_m + 3000.0, kUtmSouth_m + 100.0}, 30.0},
+                          {{kUtmWest_m + 3300.0, kUtmSouth_m + 400.0}, 30.0}}}};
   finish_map(map);
   return map;
 }
@@ -48,8 +38,8 @@ inline map::Map small_hills() {
 inline flight::PlanRequest across_the_hills(const map::Map& map) {
   const geo::MapProjection projection(map.crs_wkt);
   flight::PlanRequest request;
-  request.start.position = projection.to_geodetic({kHillsWest_m + 1000.0, kHillsSouth_m + 2600.0});
-  request.goal.position = projection.to_geodetic({kHillsWest_m + 6200.0, kHillsSouth_m + 2200.0});
+  request.start.position = projection.to_geodetic({kUtmWest_m + 1000.0, kUtmSouth_m + 2600.0});
+  request.goal.position = projection.to_geodetic({kUtmWest_m + 6200.0, kUtmSouth_m + 2200.0});
   request.work_budget = 20000;
   return request;
 }
