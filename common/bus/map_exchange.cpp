@@ -11,16 +11,24 @@
 namespace hedgehop::bus {
 
 messages::MapIndex offer_map(const map::Map& map, int tile_cells, BlobExchange& exchange) {
-  const messages::Tiling tiling{map.geometry.columns, map.geometry.rows, tile_cells};
-  const auto cells = static_cast<std::int64_t>(map.geometry.cell_count());
+  const messages::Tiling tiling = messages::tiling_of(map, tile_cells);
+  const std::size_t further_heights = map.further_visibility.size();
   if (map.geometry.columns > messages::kMaxMapSideCells ||
-      map.geometry.rows > messages::kMaxMapSideCells || cells > messages::kMaxMapCells) {
+      map.geometry.rows > messages::kMaxMapSideCells ||
+      messages::raster_bytes(map.geometry, further_heights) > messages::kMaxMapBytes) {
     throw UsageError("a map of " + std::to_string(map.geometry.columns) + " x " +
                          std::to_string(map.geometry.rows) + " cells is too large for the bus",
                      "prepare a smaller region or larger cells; 'hedgehop plan' needs no bus");
   }
+  if (further_heights > messages::kMaxFurtherHeights) {
+    throw UsageError("an exposure volume of " + std::to_string(further_heights) +
+                         " further heights is too large for the bus, which carries " +
+                         std::to_string(messages::kMaxFurtherHeights),
+                     "prepare the map with fewer further_heights_m; 'hedgehop plan' needs no bus");
+  }
   std::vector<messages::BlobRef> tiles;
-  tiles.reserve(messages::kMapLayers.size() * static_cast<std::size_t>(tiling.tile_count()));
+  tiles.reserve(static_cast<std::size_t>(tiling.layer_count()) *
+                static_cast<std::size_t>(tiling.tile_count()));
   for (std::size_t i = 0; i < tiles.capacity(); ++i) {
     tiles.push_back(exchange.offer(
         messages::encode_map_tile(map, tile_cells, messages::tile_address(tiling, i)), false));
@@ -30,6 +38,9 @@ messages::MapIndex offer_map(const map::Map& map, int tile_cells, BlobExchange& 
   index.geometry = map.geometry;
   index.tile_cells = tile_cells;
   index.reference_height_m = map.reference_height_m;
+  for (const map::VisibilityBand& band : map.further_visibility) {
+    index.further_heights_m.push_back(band.height_m);
+  }
   index.tile_table =
       exchange.offer(messages::encode_map_tile_table(map.hash, tiling, tiles), false);
   index.features = exchange.offer(messages::encode_map_features(map), false);
@@ -108,7 +119,8 @@ void MapAssembly::receive(const messages::MapIndex& index) {
   Impl& impl = *impl_;
   if (impl.index && impl.index->map_hash == index.map_hash &&
       impl.index->tile_table == index.tile_table && impl.index->features == index.features &&
-      impl.index->geometry == index.geometry && impl.index->tile_cells == index.tile_cells) {
+      impl.index->geometry == index.geometry && impl.index->tile_cells == index.tile_cells &&
+      impl.index->further_heights_m == index.further_heights_m) {
     impl.index->patch_number = index.patch_number;
     impl.foreign_indices = 0;
     return;

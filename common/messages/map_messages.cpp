@@ -1,5 +1,7 @@
 #include "messages/map_messages.hpp"
 
+#include <limits>
+
 #include "messages/map_tiles.hpp"
 #include "messages/wire.hpp"
 
@@ -13,18 +15,27 @@ constexpr std::size_t kIndexLabelBytesMax = 120;
 constexpr std::size_t kPatchLabelBytesMax = 60;
 /// No map frame reaches further [m].
 constexpr double kCoordinateMax_m = 1e9;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 static_assert(kMaxMapSideCells == map_index_t::MAX_SIDE_CELLS);
 static_assert(static_cast<int>(MapLayer::kTerrain) == map_index_t::LAYERS_TERRAIN);
 static_assert(static_cast<int>(MapLayer::kSurface) == map_index_t::LAYERS_SURFACE);
 static_assert(static_cast<int>(MapLayer::kSemantics) == map_index_t::LAYERS_SEMANTICS);
 static_assert(static_cast<int>(MapLayer::kVisibility) == map_index_t::LAYERS_VISIBILITY);
+static_assert(static_cast<int>(MapLayer::kFurtherVisibility) ==
+              map_index_t::LAYERS_FURTHER_VISIBILITY);
+static_assert(static_cast<int>(kMapLayers.size()) + kMaxFurtherHeights == map_index_t::MAX_LAYERS);
 
 double coordinate(const wire::Check& check, std::string_view field, double value) {
   return check.within(field, value, -kCoordinateMax_m, kCoordinateMax_m);
 }
 
 }  // namespace
+
+std::int64_t raster_bytes(const raster::GridGeometry& geometry, std::size_t further_heights) {
+  return static_cast<std::int64_t>(geometry.columns) * geometry.rows *
+         (12 + 2 * static_cast<std::int64_t>(further_heights));
+}
 
 Bytes to_message(const MapIndex& index, const Stamp& stamp) {
   map_index_t message{};
@@ -38,10 +49,16 @@ Bytes to_message(const MapIndex& index, const Stamp& stamp) {
   message.row_count = index.geometry.rows;
   message.tile_cell_count = index.tile_cells;
   message.reference_height_m = index.reference_height_m;
-  message.num_layers = static_cast<std::int32_t>(kMapLayers.size());
   for (const MapLayer layer : kMapLayers) {
     message.layers.push_back(static_cast<std::uint8_t>(layer));
+    message.layer_height_m.push_back(layer == MapLayer::kVisibility ? index.reference_height_m
+                                                                    : kNaN);
   }
+  for (const double height_m : index.further_heights_m) {
+    message.layers.push_back(static_cast<std::uint8_t>(MapLayer::kFurtherVisibility));
+    message.layer_height_m.push_back(height_m);
+  }
+  message.num_layers = static_cast<std::int32_t>(message.layers.size());
   wire::put_ref(message.tile_table, index.tile_table);
   wire::put_ref(message.features, index.features);
   message.label = wire::cut_text(index.label, kIndexLabelBytesMax);
@@ -62,17 +79,26 @@ MapIndex from_message<MapIndex>(ByteView bytes, Stamp& stamp) {
   geometry.cell_m = check.within("cell_m", message.cell_m, 1e-3, 1e6);
   geometry.columns = check.within("column_count", message.column_count, 1, kMaxMapSideCells);
   geometry.rows = check.within("row_count", message.row_count, 1, kMaxMapSideCells);
-  if (static_cast<std::int64_t>(geometry.columns) * geometry.rows > kMaxMapCells) {
-    check.refuse("row_count", geometry.rows,
-                 "give at most " + std::to_string(kMaxMapCells) + " cells with column_count");
-  }
   index.tile_cells = check.within("tile_cell_count", message.tile_cell_count, 16, 1024);
   index.reference_height_m = check.not_negative("reference_height_m", message.reference_height_m);
   const auto layer_count = static_cast<std::int32_t>(kMapLayers.size());
-  check.within("num_layers", message.num_layers, layer_count, layer_count);
-  for (std::size_t i = 0; i < kMapLayers.size(); ++i) {
-    const auto layer = static_cast<std::uint8_t>(kMapLayers[i]);
+  check.within("num_layers", message.num_layers, layer_count, layer_count + kMaxFurtherHeights);
+  for (std::size_t i = 0; i < message.layers.size(); ++i) {
+    const auto layer = static_cast<std::uint8_t>(
+        i < kMapLayers.size() ? kMapLayers[i] : MapLayer::kFurtherVisibility);
     check.within("layers", message.layers[i], layer, layer);
+    if (layer == static_cast<std::uint8_t>(MapLayer::kFurtherVisibility)) {
+      const double height_m = check.positive("layer_height_m", message.layer_height_m[i]);
+      if (!index.further_heights_m.empty() && height_m <= index.further_heights_m.back()) {
+        check.refuse("layer_height_m", height_m, "ascend");
+      }
+      index.further_heights_m.push_back(height_m);
+    }
+  }
+  if (raster_bytes(geometry, index.further_heights_m.size()) > kMaxMapBytes) {
+    check.refuse("row_count", geometry.rows,
+                 "give layers of at most " + std::to_string(kMaxMapBytes) +
+                     " bytes with column_count and num_layers");
   }
   index.tile_table = wire::ref_in(check, "tile_table", message.tile_table);
   index.features = wire::ref_in(check, "features", message.features);

@@ -13,8 +13,11 @@
 namespace hedgehop::messages {
 
 inline constexpr int kMaxMapSideCells = 30000;
-/// Most cells of a map that goes over the bus; bounds what a reader allocates (12 bytes a cell).
-inline constexpr std::int64_t kMaxMapCells = 100'000'000;
+/// Most bytes of the raster layers of a map that goes over the bus: what a reader allocates.
+inline constexpr std::int64_t kMaxMapBytes = 1'200'000'000;
+inline constexpr int kMaxFurtherHeights = 12;
+/// Of a map's raster layers: 12 bytes a cell, and 2 for each further height.
+std::int64_t raster_bytes(const raster::GridGeometry& geometry, std::size_t further_heights);
 
 /// Channel MAP_INDEX: which map is on the bus, and the blobs that hold it.
 struct MapIndex {
@@ -23,9 +26,10 @@ struct MapIndex {
   raster::GridGeometry geometry;
   int tile_cells = 0;  // side of a tile, 16 to 1024
   double reference_height_m = 0.0;
-  BlobRef tile_table;  // decode_map_tile_table()
-  BlobRef features;    // decode_map_features()
-  std::string label;   // at most 120 bytes
+  std::vector<double> further_heights_m;  // of the exposure volume, ascending; at most 12
+  BlobRef tile_table;                     // decode_map_tile_table()
+  BlobRef features;                       // decode_map_features()
+  std::string label;                      // at most 120 bytes
 
   bool operator==(const MapIndex&) const = default;
 };

@@ -86,6 +86,11 @@ void take_planes(const std::vector<std::uint8_t>& planes, const Window& window,
   }
 }
 
+// Place in the exposure volume; negative for the layers that every map has.
+int further_height_of(MapLayer layer) {
+  return static_cast<int>(layer) - static_cast<int>(MapLayer::kFurtherVisibility);
+}
+
 template <typename MapType, typename Use>
 void with_layer(MapType& map, MapLayer layer, const Use& use) {
   switch (layer) {
@@ -97,8 +102,12 @@ void with_layer(MapType& map, MapLayer layer, const Use& use) {
       return use(map.semantics);
     case MapLayer::kVisibility:
       return use(map.visibility);
+    case MapLayer::kFurtherVisibility:
+      break;
   }
-  HEDGEHOP_ASSERT(!"a map layer without a raster");
+  const auto further = static_cast<std::size_t>(further_height_of(layer));
+  HEDGEHOP_ASSERT(further < map.further_visibility.size());
+  use(map.further_visibility[further].share);
 }
 
 std::int32_t count_of(std::size_t size) { return static_cast<std::int32_t>(size); }
@@ -268,7 +277,7 @@ std::vector<map::Area> areas_in(const wire::Check& check, const map_features_t& 
 
 }  // namespace
 
-const char* name_of(MapLayer layer) {
+std::string name_of(MapLayer layer) {
   switch (layer) {
     case MapLayer::kTerrain:
       return "terrain";
@@ -278,17 +287,24 @@ const char* name_of(MapLayer layer) {
       return "semantics";
     case MapLayer::kVisibility:
       return "visibility";
+    case MapLayer::kFurtherVisibility:
+      break;
   }
-  HEDGEHOP_ASSERT(!"a map layer without a name");
-  return "";
+  return "visibility " + std::to_string(further_height_of(layer) + 2);
 }
 
 Tiling tiling_of(const MapIndex& index) {
-  return {index.geometry.columns, index.geometry.rows, index.tile_cells};
+  return {index.geometry.columns, index.geometry.rows, index.tile_cells,
+          static_cast<int>(index.further_heights_m.size())};
+}
+
+Tiling tiling_of(const map::Map& map, int tile_cells) {
+  return {map.geometry.columns, map.geometry.rows, tile_cells,
+          static_cast<int>(map.further_visibility.size())};
 }
 
 std::string name_of(const TileAddress& address) {
-  return std::string("layer ") + name_of(address.layer) + ", tile column " +
+  return "layer " + name_of(address.layer) + ", tile column " +
          std::to_string(address.tile_column) + ", tile row " + std::to_string(address.tile_row);
 }
 
@@ -306,13 +322,14 @@ TileAddress tile_address(const Tiling& tiling, std::size_t index) {
   TileAddress address;
   address.tile_column = static_cast<int>(index % columns);
   address.tile_row = static_cast<int>(index / columns % rows);
-  address.layer = kMapLayers.at(index / columns / rows);
+  const std::size_t layer = index / columns / rows;
+  HEDGEHOP_ASSERT(layer < static_cast<std::size_t>(tiling.layer_count()));
+  address.layer = static_cast<MapLayer>(layer);
   return address;
 }
 
 Bytes encode_map_tile(const map::Map& map, int tile_cells, const TileAddress& address) {
-  const Tiling tiling{map.geometry.columns, map.geometry.rows, tile_cells};
-  const Window window = window_of(tiling, address);
+  const Window window = window_of(tiling_of(map, tile_cells), address);
   map_tile_t message{};
   message.version = map_tile_t::VERSION;
   message.layer = static_cast<std::int8_t>(address.layer);
@@ -352,10 +369,6 @@ void decode_map_tile(ByteView bytes, const Tiling& tiling, const TileAddress& ad
 }
 
 Bytes encode_map_features(const map::Map& map) {
-  if (!map.further_visibility.empty()) {
-    throw DataError("the map holds an exposure volume, which the bus does not carry",
-                    "plan on it without the bus, or prepare it without further_heights_m");
-  }
   map_features_t message{};
   message.version = map_features_t::VERSION;
   wire::put(message.map_hash, map.hash);
@@ -404,7 +417,7 @@ Bytes encode_map_tile_table(const Hash128& map_hash, const Tiling& tiling,
   map_tile_table_t message{};
   message.version = map_tile_table_t::VERSION;
   wire::put(message.map_hash, map_hash);
-  message.layer_count = static_cast<std::int32_t>(kMapLayers.size());
+  message.layer_count = tiling.layer_count();
   message.tile_column_count = tiling.tile_columns();
   message.tile_row_count = tiling.tile_rows();
   message.num_tiles = static_cast<std::int32_t>(tiles.size());
@@ -432,11 +445,11 @@ std::vector<BlobRef> decode_map_tile_table(ByteView bytes, const Hash128& map_ha
       check.refuse(field, value, "be " + std::to_string(wanted));
     }
   };
-  must_be("layer_count", message.layer_count, static_cast<std::int64_t>(kMapLayers.size()));
+  must_be("layer_count", message.layer_count, tiling.layer_count());
   must_be("tile_column_count", message.tile_column_count, tiling.tile_columns());
   must_be("tile_row_count", message.tile_row_count, tiling.tile_rows());
   must_be("num_tiles", message.num_tiles,
-          static_cast<std::int64_t>(kMapLayers.size()) * tiling.tile_count());
+          static_cast<std::int64_t>(tiling.layer_count()) * tiling.tile_count());
   std::vector<BlobRef> tiles;
   tiles.reserve(message.tiles.size());
   for (const blob_ref_t& tile : message.tiles) {
@@ -454,6 +467,10 @@ map::Map begin_map(const MapIndex& index) {
   map.surface_m = raster::Grid<float>(index.geometry, 0.0F);
   map.semantics = raster::Grid<std::uint16_t>(index.geometry, 0);
   map.visibility = raster::Grid<std::uint16_t>(index.geometry, 0);
+  for (const double height_m : index.further_heights_m) {
+    map.further_visibility.push_back(
+        {height_m, raster::Grid<std::uint16_t>(index.geometry, map::kVisibilityUnknown)});
+  }
   return map;
 }
 

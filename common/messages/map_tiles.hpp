@@ -15,10 +15,19 @@
 namespace hedgehop::messages {
 
 /// Raster layers in the order of the tile table.
-enum class MapLayer : std::int8_t { kTerrain = 0, kSurface = 1, kSemantics = 2, kVisibility = 3 };
+/// From kFurtherVisibility on, one for each further height of the exposure volume.
+enum class MapLayer : std::int8_t {
+  kTerrain = 0,
+  kSurface = 1,
+  kSemantics = 2,
+  kVisibility = 3,
+  kFurtherVisibility = 4,
+};
+/// Layers that every map has.
 inline constexpr std::array<MapLayer, 4> kMapLayers = {MapLayer::kTerrain, MapLayer::kSurface,
                                                        MapLayer::kSemantics, MapLayer::kVisibility};
-const char* name_of(MapLayer layer);
+/// "surface"; "visibility 4" for the further heights.
+std::string name_of(MapLayer layer);
 
 /// How a raster is cut: tiles of `tile_cells` squared from the south-west corner; the last column
 /// and row of tiles may be narrower.
@@ -26,13 +35,18 @@ struct Tiling {
   int columns = 0;  // cells of the raster
   int rows = 0;
   int tile_cells = 0;
+  int further_heights = 0;  // of the exposure volume
 
+  [[nodiscard]] int layer_count() const {
+    return static_cast<int>(kMapLayers.size()) + further_heights;
+  }
   [[nodiscard]] int tile_columns() const { return (columns + tile_cells - 1) / tile_cells; }
   [[nodiscard]] int tile_rows() const { return (rows + tile_cells - 1) / tile_cells; }
   [[nodiscard]] int tile_count() const { return tile_columns() * tile_rows(); }  // of one layer
   bool operator==(const Tiling&) const = default;
 };
 Tiling tiling_of(const MapIndex& index);
+Tiling tiling_of(const map::Map& map, int tile_cells);
 
 struct TileAddress {
   MapLayer layer = MapLayer::kTerrain;

@@ -356,6 +356,12 @@ map::Map random_map(std::mt19937_64& random, int columns, int rows) {
       map.visibility.at(column, row) = static_cast<std::uint16_t>(random());
     }
   }
+  for (const double height_m : {4.5, 60.0}) {
+    map.further_visibility.push_back({height_m, map.visibility});
+    for (std::uint16_t& share : map.further_visibility.back().share.values()) {
+      share = static_cast<std::uint16_t>(random());
+    }
+  }
   map.terrain_m.at(1, 1) = map.surface_m.at(1, 1) = std::numeric_limits<float>::quiet_NaN();
   map.terrain_m.at(2, 1) = -0.0F;
   map.surface_m.at(2, 1) = 0.0F;
@@ -372,6 +378,11 @@ void expect_same_map(const map::Map& a, const map::Map& b) {
   EXPECT_EQ(std::memcmp(a.surface_m.row(0), b.surface_m.row(0), cells * 4), 0);
   EXPECT_EQ(a.semantics.values(), b.semantics.values());
   EXPECT_EQ(a.visibility.values(), b.visibility.values());
+  ASSERT_EQ(a.further_visibility.size(), b.further_visibility.size());
+  for (std::size_t i = 0; i < a.further_visibility.size(); ++i) {
+    EXPECT_EQ(a.further_visibility[i].height_m, b.further_visibility[i].height_m);
+    EXPECT_EQ(a.further_visibility[i].share.values(), b.further_visibility[i].share.values());
+  }
 }
 
 TEST(MapExchange, TheMapArrivesBitForBitThroughLoss) {

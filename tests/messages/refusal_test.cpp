@@ -88,6 +88,11 @@ TEST(Refusal, MapIndexWithoutSenseIsRefused) {
   refuse("reference_height_m", [](auto& w) { w.reference_height_m = kNan; });
   refuse("num_layers", [](auto& w) { w.num_layers = 3; });
   refuse("layers", [](auto& w) { w.layers[2] = 9; });
+  refuse("layers", [](auto& w) { w.layers[4] = 3; });
+  refuse("layer_height_m", [](auto& w) { w.layer_height_m[4] = kNan; });
+  refuse("layer_height_m", [](auto& w) { w.layer_height_m[5] = w.layer_height_m[4]; });
+  // 100 million cells of the four layers are allowed, not with two heights more.
+  refuse("row_count", [](auto& w) { w.column_count = w.row_count = 10000; });
   refuse("tile_table.packed_bytes", [](auto& w) { w.tile_table.packed_bytes = -5; });
   refuse("tile_table.content_bytes", [](auto& w) { w.tile_table.content_bytes = 1LL << 40; });
   refuse("features.chunk_count", [](auto& w) { ++w.features.chunk_count; });

@@ -87,7 +87,10 @@ TEST(RoundTrip, MapIndexKeepsEachFieldUnderItsName) {
   SAME_REF(tile_table, tile_table);
   SAME_REF(features, features);
   SAME(label, label);
-  EXPECT_THAT(trip.wire.layers, testing::ElementsAre(0, 1, 2, 3));
+  EXPECT_THAT(trip.wire.layers, testing::ElementsAre(0, 1, 2, 3, 4, 4));
+  EXPECT_EQ(trip.wire.layer_height_m[3], trip.sent.reference_height_m);
+  SAME(layer_height_m[4], further_heights_m[0]);
+  SAME(layer_height_m[5], further_heights_m[1]);
 }
 
 TEST(RoundTrip, MapPatchKeepsEachFieldUnderItsName) {

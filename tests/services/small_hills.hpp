@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "flight/plan_request.hpp"
@@ -10,7 +11,8 @@
 namespace hedgehop::test {
 
 /// 7.2 x 4.8 km of rolling hills in UTM zone 32, seen more in the north than in the south. Quick to
-/// plan on; tiles differ from each other.
+/// plan on; tiles differ from each other. With an exposure volume of two
+/// heights.
 inline map::Map small_hills() {
   map::Map map = make_map(240, 160, 30.0, [](double x_m, double y_m) {
     return 400.0 + 30.0 * std::sin(x_m / 700.0) + 30.0 * std::cos(y_m / 600.0);
@@ -26,6 +28,10 @@ inline map::Map small_hills() {
         map.surface_m.at(column, row) += 12.0F;
       }
     }
+  }
+  map.further_visibility = {{60.0, map.visibility}};
+  for (std::uint16_t& share : map.further_visibility[0].share.values()) {
+    share = std::max(share, stored_visibility(0.3));
   }
   map.overhead_lines = {{7,
                          {{{kUtmWest_m + 3000.0, kUtmSouth_m + 100.0}, 30.0},

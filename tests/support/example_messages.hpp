@@ -26,6 +26,7 @@ inline messages::MapIndex example_map_index() {
   index.geometry = {400000.5, 5400000.25, 30.0, 750, 890};
   index.tile_cells = 128;
   index.reference_height_m = 15.24;
+  index.further_heights_m = {30.5, 60.0};
   index.tile_table = example_ref(11);
   index.features = example_ref(22);
   index.label = "SYNTHETIC REGION";
