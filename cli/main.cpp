@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
   add_info_verb(app, console);
   add_plan_verb(app, console);
   add_verify_verb(app, console);
+  add_export_verb(app, console);
   add_report_verb(app, console);
   add_evaluate_verb(app, console);
   add_serve_verb(app, console);

@@ -45,7 +45,7 @@ ROOMS = {
     "verification": (["map", "flight"], [], []),
     "planning": (["global_planning", "local_planning", "verification", "command_model", "risk", "map",
                   "flight"], [], JSON),
-    "output": (["map", "flight", "risk"], [], JSON + GDAL + POSIX),
+    "output": (["verification", "map", "flight", "risk"], [], JSON + GDAL + POSIX),
     "messages": (["planning", "map", "flight"], [], ["hedgehop/"]),
     "bus": (["messages", "base"], [], ["lcm/", "zstd.h"] + POSIX + SOCKETS),
     "evaluation": (["planning", "output", "preparation"], [], ["boost/math/"] + GDAL + JSON + POSIX + TBB),

@@ -356,6 +356,42 @@ class BadInputOfOtherVerbs(CliTest):
         self.assertIn(result.returncode, (4, 5), result.stderr)
 
 
+    def export_arguments(self, *more, formats="kml", out="out"):
+        return ["export", self.plan, "--format", formats, "--out", self.work / out, *more]
+
+    def test_export_of_an_unknown_format(self):
+        self.assert_refused(self.export_arguments(formats="kml,geojsn"), 2, ["geojsn"], advice="geojson")
+
+    def test_export_of_straight_legs_needs_the_map(self):
+        self.assert_refused(self.export_arguments(formats="qgc"), 2, ["qgc"], advice="--map")
+
+    def test_export_at_a_time_without_a_zone(self):
+        self.assert_refused(self.export_arguments("--start-time", "2026-05-01T06:30"), 2, ["2026-05-01T06:30"], advice="Z")
+
+    def test_export_of_what_is_no_plan(self):
+        self.assert_refused(["export", self.work / "none", "--format", "kml", "--out", self.work / "out"], 5, ["none"])
+
+    def test_export_below_a_missing_folder(self):
+        self.assert_refused(self.export_arguments(out="no/such"), 2, ["no"])
+
+    def test_export_with_a_clearance_that_the_flight_does_not_hold(self):
+        self.assert_refused(self.export_arguments("--map", self.map, "--clearance-m", "500", formats="waypoints"), 4,
+                            ["500.00 m"], advice="--clearance-m")
+
+    def test_export_replaces_nothing_unless_told_to(self):
+        (self.work / "out").mkdir()
+        kept = self.work / "out" / "flight.gpx"
+        kept.write_text("keep me\n")
+        before = listing(self.work)
+        result = self.hedgehop(*self.export_arguments(formats="kml,gpx"))
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("--overwrite", result.stderr)
+        self.assertEqual(listing(self.work), before)
+        result = self.hedgehop(*self.export_arguments("--overwrite", formats="kml,gpx"))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("<gpx", kept.read_text())
+
+
 class FullDisk(CliTest):
     """A tiny file system, visible to the tested program alone."""
 
@@ -489,7 +525,7 @@ class Help(CliTest):
                     verbs.extend([*verb, name] for name in below)
 
     def test_each_verb_has_a_test_of_its_json(self):
-        tested = {"prepare", "plan", "verify", "report", "config", "evaluate", "info", "serve", "request", "replay", "log",
+        tested = {"prepare", "plan", "verify", "report", "export", "config", "evaluate", "info", "serve", "request", "replay", "log",
                   "watch", "doctor", "demo"}
         self.assertEqual(set(self.verbs()) - tested, set(), "add a test to the class Json, then the verb to this list")
 
@@ -550,6 +586,28 @@ class Json(CliTest):
         # start and goal lie 8.82 km apart; a route is never shorter than that, less the goal's radius
         self.assertGreater(plan["length_m"], 8700.0)
         self.one_object("report", self.work / "plan", "--map", self.map)
+
+    def test_export(self):
+        found = self.one_object("export", self.plan, "--map", self.map, "--format", "kml,kmz,geojson,gpkg,gpx,csv,qgc",
+                                "--format", "waypoints,czml", "--start-time", "2026-05-01T06:30Z", "--out", self.work / "out")
+        self.assertEqual([(file["format"], pathlib.Path(file["file"]).name) for file in found["files"]],
+                         [(name, "flight." + suffix) for name, suffix in
+                          (("kml", "kml"), ("kmz", "kmz"), ("geojson", "geojson"), ("gpkg", "gpkg"), ("gpx", "gpx"), ("csv", "csv"),
+                           ("qgc", "plan"), ("waypoints", "waypoints"), ("czml", "czml"))])
+        for file in found["files"]:
+            self.assertEqual(pathlib.Path(file["file"]).stat().st_size, file["bytes"])
+            self.assertEqual("legs" in file, file["format"] in ("qgc", "waypoints"))
+        legs = found["files"][6]["legs"]
+        self.assertGreaterEqual(legs["clearance_min_m"], legs["clearance_demanded_m"])
+        self.assertEqual(legs["clearance_demanded_m"], 10.0)  # required_clearance_m of the config
+        mission = json.loads((self.work / "out" / "flight.plan").read_text())["mission"]
+        self.assertEqual(sum(item["command"] == 16 for item in mission["items"]), legs["waypoints"])
+        self.assertEqual(sorted(path.name for path in self.work.iterdir()), ["out"])
+        # the file of a single format may be named itself, and says what was written
+        result = self.hedgehop("export", self.plan, "--format", "gpx", "--out", self.work / "mine.gpx")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("EGM96", result.stdout)
+        self.assertTrue((self.work / "mine.gpx").read_text().startswith("<?xml"))
 
     def test_config(self):
         shipped = self.one_object("config", "list")["shipped"]

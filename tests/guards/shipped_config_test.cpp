@@ -23,6 +23,7 @@
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
 #include "map_sources/vector_mapping.hpp"
+#include "output/exports.hpp"
 #include "planning/planning.hpp"
 #include "preparation/prepare.hpp"
 #include "services/command_model/command_model_service.hpp"
@@ -69,6 +70,11 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   reader.finish();
 }
 
+void read_export_file(const std::string& text, const std::string& name) {
+  ConfigReader reader = ConfigReader::from_text(text, name);
+  output::read_export_options(reader);
+}
+
 // The readers of services take the whole document.
 template <typename Options>
 Read read_whole(Options (*read)(ConfigReader)) {
@@ -98,6 +104,7 @@ const Guarded* guarded(const std::string& file) {
       {"planning.yaml", {read_planning_file, {"vehicle_file"}}},
       {"prepare.yaml", {read_prepare_file, {}}},
       {"evaluation.yaml", {read_evaluation_file, {}}},
+      {"export.yaml", {read_export_file, {}}},
       {"map_tiler.yaml", {read_whole(services::read_map_tiler_options), {}}},
       {"global_planner.yaml", {read_whole(services::read_planner_options), {}}},
       {"local_planner.yaml", {read_whole(services::read_planner_options), {}}},
