@@ -1,12 +1,12 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "base/files.hpp"
 #include "map/map_bundle.hpp"
 #include "output/plan_bundle.hpp"
-#include "plan_result.hpp"
-#include "planning/planning.hpp"
 #include "verbs.hpp"
-#include "verification/verifier.hpp"
+#include "verification/plan_check.hpp"
+#include "verify_report.hpp"
 
 namespace hedgehop::cli {
 
@@ -14,9 +14,11 @@ void add_verify_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand("verify",
                                   "Check a plan again, independently of the planners that made it");
   verb->footer(
-      "Reads the plan's files and the map and checks clearance on the continuous path, vehicle "
-      "limits, "
-      "kinematics, start and goal. Exit code 0: verified, 4: not.\n"
+      "Reads the plan's files and the map and checks, with no code of the planners: the continuous "
+      "path against the surface, wires, obstacles and no-fly areas; the vehicle's limits; whether "
+      "the states obey their own kinematics; start, goal and via points; and whether the costs, "
+      "measures and columns in the files are true. Says how much is to spare and what comes "
+      "nearest. Exit code 0: verified, 4: not.\n"
       "Example:\n"
       "  hedgehop verify plan --map map");
   struct Arguments {
@@ -29,7 +31,7 @@ void add_verify_verb(CLI::App& app, Console& console) {
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {
     console.action = [&console, arguments] {
-      flight::Plan plan = output::read_plan_bundle(arguments->plan);
+      const flight::Plan plan = output::read_plan_bundle(arguments->plan);
       const map::Map map = map::read_map_bundle(arguments->map);
       if (plan.route_plan.map.hash != map.hash) {
         throw UsageError("plan " + arguments->plan + " was made on map " +
@@ -37,12 +39,10 @@ void add_verify_verb(CLI::App& app, Console& console) {
                              " is map " + map.hash.hex(),
                          "give the map that the plan was made on");
       }
-      const planning::PlanningConfig config = planning::read_planning_config(
-          plan.route_plan.config_text, arguments->plan + "/plan.json: config");
-      plan.verdict =
-          verification::verify(map, plan.trajectory, plan.route_plan.start, plan.route_plan.goal,
-                               config.vehicle.limits, config.demands);
-      return report_plan(console, plan, arguments->plan);
+      const std::string folder = arguments->plan;
+      const verification::PlanCheck check = verification::check_plan(
+          map, plan, read_file(std::filesystem::path(folder) / output::kTrajectoryFile));
+      return report_check(console, folder, map, plan, check);
     };
   });
 }

@@ -17,6 +17,7 @@ Limits read_limits(ConfigReader& reader) {
   limits.climb_rate_max_mps = reader.required_double("climb_rate_max_mps");
   limits.descent_rate_max_mps = reader.required_double("descent_rate_max_mps");
   limits.vertical_acceleration_max_mps2 = reader.required_double("vertical_acceleration_max_mps2");
+  limits.load_factor_max = reader.required_double("load_factor_max");
   reader.require(limits.speed_min_mps > 0.0, "speed_min_mps", "must be above 0");
   reader.require(limits.speed_max_mps > limits.speed_min_mps, "speed_max_mps",
                  "must be above speed_min_mps");
@@ -29,6 +30,7 @@ Limits read_limits(ConfigReader& reader) {
   reader.require(limits.descent_rate_max_mps > 0.0, "descent_rate_max_mps", "must be above 0");
   reader.require(limits.vertical_acceleration_max_mps2 > 0.0, "vertical_acceleration_max_mps2",
                  "must be above 0");
+  reader.require(limits.load_factor_max > 1.0, "load_factor_max", "must be above 1");
   reader.finish();
   return limits;
 }

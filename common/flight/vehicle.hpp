@@ -16,6 +16,7 @@ struct Limits {
   double climb_rate_max_mps = 0.0;
   double descent_rate_max_mps = 0.0;
   double vertical_acceleration_max_mps2 = 0.0;
+  double load_factor_max = 0.0;  // thrust over weight [-]
 
   bool operator==(const Limits&) const = default;
 };

@@ -224,6 +224,15 @@ flight::Route route_of(const Field& field) {
   route.cost.height_m = cost.at("height_m").number_or_nan();
   const Field bound = field.at("lower_bound_m");
   route.lower_bound_m = bound.is_null() ? 0.0 : bound.number();
+  // Figures that follow from others stand there for people; they must not say anything else.
+  const double total_m = route.cost.total_m();
+  const auto require_equal = [](const Field& written, double value) {
+    if (!written.is_null() && std::isfinite(value) && std::fabs(written.number() - value) > 1e-6) {
+      written.refuse("does not follow from the terms of the cost and the lower bound");
+    }
+  };
+  require_equal(cost.at("total_m"), total_m);
+  require_equal(field.at("gap"), (total_m - route.lower_bound_m) / total_m);
   route.work_units = field.at("work_units").integer(0, kCountMax);
   route.samples = field.at("samples").integer(0, kCountMax);
   route.batches = field.at("batches").integer(0, kCountMax);

@@ -253,8 +253,9 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   }
   task.held = {route_plan.goal};
   for (const flight::RequestPoint& via : route_plan.request.via) {
+    const geo::MapPoint point = projection.to_map(via.position);
+    task.via.push_back(point);
     if (via.height_m) {
-      const geo::MapPoint point = projection.to_map(via.position);
       task.held.push_back(
           {point.x_m, point.y_m, raster::sample_bilinear(map.surface_m, point) + *via.height_m});
     }

@@ -134,8 +134,8 @@ std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
     for (const Candidate& candidate : std::get<std::vector<Candidate>>(flown)) {
       RouteFlight checked;
       checked.trajectory = to_trajectory(candidate.flight, costs.map(), projection);
-      checked.verdict = verification::verify(costs.map(), checked.trajectory, task.start, task.goal,
-                                             config.vehicle.limits, config.demands);
+      checked.verdict = verification::verify(costs.map(), checked.trajectory, task.start, task.via,
+                                             task.goal, config.vehicle.limits, config.demands);
       checked.cost_m = candidate.cost_m;
       checked.speed_mps = speed_mps;
       checked.is_following = candidate.is_following;

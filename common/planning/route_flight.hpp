@@ -11,6 +11,7 @@ namespace hedgehop::planning {
 /// A route to be flown.
 struct RouteTask {
   flight::Waypoint start;
+  std::vector<geo::MapPoint> via;  // in this order
   flight::Waypoint goal;
   std::vector<flight::Waypoint> guide;
   std::vector<flight::Waypoint> held;  // places that the vertical pass does not sink below

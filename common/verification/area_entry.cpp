@@ -85,6 +85,26 @@ std::optional<double> depth_in_area_m(const map::Area& area, const PathPoint& fr
   return is_touched ? std::optional(0.0) : std::nullopt;
 }
 
+double distance_to_polygons_m(const map::Area& area, const PathPoint& from, const PathPoint& to) {
+  if (depth_in_area_m(area, from, to, 0.0)) {
+    return 0.0;
+  }
+  const Vector a{from.x_m, from.y_m};
+  const Vector b{to.x_m, to.y_m};
+  double nearest_m = std::numeric_limits<double>::infinity();
+  const auto look_at = [&](const std::vector<geo::MapPoint>& ring) {
+    for (std::size_t i = 1; i < ring.size(); ++i) {
+      nearest_m = std::min(nearest_m, distance_of_pieces(a, b, {ring[i - 1].x_m, ring[i - 1].y_m},
+                                                         {ring[i].x_m, ring[i].y_m}));
+    }
+  };
+  for (const map::Area::Polygon& polygon : area.polygons) {
+    look_at(polygon.outer);
+    std::for_each(polygon.holes.begin(), polygon.holes.end(), look_at);
+  }
+  return nearest_m;
+}
+
 bool may_lie_within(const map::Area& area, const HeightRange& altitude, const HeightRange& height) {
   const auto range_for = [&](const map::AreaLimit& limit) {
     return limit.reference == map::AreaLimit::Reference::kAboveGround ? height : altitude;

@@ -16,6 +16,10 @@ namespace hedgehop::verification {
 std::optional<double> depth_in_area_m(const map::Area& area, const PathPoint& from,
                                       const PathPoint& to, double margin_m);
 
+/// Distance of a straight piece of path to the polygons of an area, seen from above [m]; 0 inside.
+/// O(corners).
+double distance_to_polygons_m(const map::Area& area, const PathPoint& from, const PathPoint& to);
+
 /// Least and greatest value over a piece of path.
 struct HeightRange {
   double low_m = 0.0;

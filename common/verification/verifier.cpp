@@ -11,6 +11,8 @@
 #include "geo/map_projection.hpp"
 #include "verification/area_entry.hpp"
 #include "verification/cylinder_distance.hpp"
+#include "verification/findings.hpp"
+#include "verification/path_pieces.hpp"
 #include "verification/surface_sweep.hpp"
 #include "verification/wire_distance.hpp"
 
@@ -18,8 +20,6 @@ namespace hedgehop::verification {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::size_t kViolationsKept = 100;
 
 // Room for the rounding of numbers that went through files, relative to a limit.
 constexpr double kLimitRounding = 1e-6;
@@ -51,95 +51,6 @@ constexpr double kPositionRounding_m = 1e-5;
 constexpr double kAngleRounding_rad = 1e-6;
 constexpr double kSpeedRounding_mps = 1e-5;
 
-struct Finding {
-  double severity = 0.0;  // share of the limit by which it is broken; infinite for what is unknown
-  flight::Violation violation;
-};
-
-// Collects what is broken, rule by rule.
-class Findings {
- public:
-  void add(const char* rule, const flight::FlightState& state, double value, double limit) {
-    add(rule, state.time_s, state.point(), value, limit);
-  }
-
-  void add(const char* rule, double time_s, const geo::MapPoint& place, double value,
-           double limit) {
-    const double excess = std::fabs(value - limit) / std::max(std::fabs(limit), 1e-9);
-    const double severity = std::isfinite(excess) ? excess : kInfinity;
-    by_rule_[rule].push_back({severity, {rule, time_s, place, value, limit}});
-    ++count_;
-  }
-
-  [[nodiscard]] std::int64_t count() const { return count_; }
-
-  // Sorted by rule, then worst first. Each rule keeps its worst ones; room is shared evenly.
-  [[nodiscard]] std::vector<flight::Violation> worst() {
-    std::size_t longest = 0;
-    for (auto& [rule, findings] : by_rule_) {
-      std::stable_sort(findings.begin(), findings.end(),
-                       [](const Finding& a, const Finding& b) { return a.severity > b.severity; });
-      longest = std::max(longest, findings.size());
-    }
-    std::map<std::string, std::size_t> kept;
-    std::size_t total = 0;
-    for (std::size_t rank = 0; rank < longest && total < kViolationsKept; ++rank) {
-      for (const auto& [rule, findings] : by_rule_) {
-        if (rank < findings.size() && total < kViolationsKept) {
-          ++kept[rule];
-          ++total;
-        }
-      }
-    }
-    std::vector<flight::Violation> worst;
-    for (const auto& [rule, findings] : by_rule_) {
-      for (std::size_t i = 0; i < kept[rule]; ++i) {
-        worst.push_back(findings[i].violation);
-      }
-    }
-    return worst;
-  }
-
- private:
-  std::map<std::string, std::vector<Finding>> by_rule_;
-  std::int64_t count_ = 0;
-};
-
-bool is_finite(const flight::FlightState& s) {
-  for (const double value :
-       {s.time_s, s.x_m, s.y_m, s.altitude_m, s.speed_mps, s.heading_true_rad, s.convergence_rad,
-        s.bank_rad, s.roll_rate_radps, s.pitch_rad, s.pitch_rate_radps, s.climb_rate_mps,
-        s.vertical_acceleration_mps2, s.target_heading_true_rad, s.commanded_heading_true_rad,
-        s.commanded_climb_angle_rad, s.commanded_speed_mps, s.surface_m, s.terrain_m}) {
-    if (!std::isfinite(value)) {
-      return false;
-    }
-  }
-  return true;
-}
-
-double distance_m(const geo::MapPoint& a, const geo::MapPoint& b) {
-  const double dx_m = a.x_m - b.x_m;
-  const double dy_m = a.y_m - b.y_m;
-  return std::sqrt(dx_m * dx_m + dy_m * dy_m);
-}
-
-struct Velocity {
-  double x_mps = 0.0;
-  double y_mps = 0.0;
-};
-
-Velocity velocity_of(const flight::FlightState& state) {
-  const double azimuth_rad =
-      grid_from_true_azimuth_rad(state.heading_true_rad, state.convergence_rad);
-  return {state.speed_mps * elementary::sin(azimuth_rad),
-          state.speed_mps * elementary::cos(azimuth_rad)};
-}
-
-double length_of(const Velocity& velocity) {
-  return std::sqrt(velocity.x_mps * velocity.x_mps + velocity.y_mps * velocity.y_mps);
-}
-
 void check_limits(const flight::FlightState& state, const flight::Limits& limits,
                   Findings& findings) {
   const auto at_most = [&](const char* rule, double value, double limit) {
@@ -154,6 +65,7 @@ void check_limits(const flight::FlightState& state, const flight::Limits& limits
   at_most("descent_rate", -state.climb_rate_mps, limits.descent_rate_max_mps);
   at_most("vertical_acceleration", std::fabs(state.vertical_acceleration_mps2),
           limits.vertical_acceleration_max_mps2);
+  at_most("load_factor", load_factor_of(state), limits.load_factor_max);
   at_most("speed_max", state.speed_mps, limits.speed_max_mps);
   if (!(state.speed_mps >= limits.speed_min_mps * (1.0 - kLimitRounding))) {
     findings.add("speed_min", state, state.speed_mps, limits.speed_min_mps);
@@ -289,99 +201,6 @@ void check_continuity(const flight::FlightState& a, const flight::FlightState& b
               kSpeedRounding_mps);
 }
 
-// How far the flown path may stray from the chord between two states.
-//
-// Between states the path is the cubic that has the states' places and velocities at its ends. With
-// d0 and d1 the differences between the velocities at the ends and that of the chord, the cubic
-// lies off the chord by h (d0 t (1-t)^2 - d1 t^2 (1-t)), which is at most h max(|d0|, |d1|) t
-// (1-t), so at most h max(|d0|, |d1|) / 4. For constant acceleration this is the sagitta h^2 a / 8.
-struct Sagitta {
-  double across_m = 0.0;
-  double vertical_m = 0.0;
-};
-
-Sagitta sagitta_of(const flight::FlightState& a, const flight::FlightState& b, double step_s) {
-  const Velocity chord{(b.x_m - a.x_m) / step_s, (b.y_m - a.y_m) / step_s};
-  const double chord_climb_mps = (b.altitude_m - a.altitude_m) / step_s;
-  const auto off_chord_mps = [&](const flight::FlightState& state) {
-    const Velocity velocity = velocity_of(state);
-    return length_of({velocity.x_mps - chord.x_mps, velocity.y_mps - chord.y_mps});
-  };
-  return {0.25 * step_s * std::max(off_chord_mps(a), off_chord_mps(b)),
-          0.25 * step_s *
-              std::max(std::fabs(a.climb_rate_mps - chord_climb_mps),
-                       std::fabs(b.climb_rate_mps - chord_climb_mps))};
-}
-
-PathPoint path_point(const flight::FlightState& state) {
-  return {state.x_m, state.y_m, state.altitude_m};
-}
-
-struct Box {
-  double west_m = kInfinity;
-  double east_m = -kInfinity;
-  double south_m = kInfinity;
-  double north_m = -kInfinity;
-
-  void add(const geo::MapPoint& point) {
-    west_m = std::min(west_m, point.x_m);
-    east_m = std::max(east_m, point.x_m);
-    south_m = std::min(south_m, point.y_m);
-    north_m = std::max(north_m, point.y_m);
-  }
-  [[nodiscard]] bool is_within(double distance_m, const Box& other) const {
-    return west_m - distance_m <= other.east_m && other.west_m <= east_m + distance_m &&
-           south_m - distance_m <= other.north_m && other.south_m <= north_m + distance_m;
-  }
-};
-
-// The pieces of a flight in blocks, so that most things on the map are done with after a few
-// comparisons.
-class PieceBlocks {
- public:
-  // A path that strays farther off its chord breaks continuity, and has been found there.
-  static constexpr double kStrayMax_m = 1.0;
-
-  PieceBlocks(const std::vector<flight::FlightState>& states, double step_s)
-      : states_(states), step_s_(step_s) {
-    for (std::size_t begin = 0; begin + 1 < states.size(); begin += kBlock) {
-      Box box;
-      for (std::size_t i = begin; i <= std::min(begin + kBlock, states.size() - 1); ++i) {
-        if (is_finite(states[i])) {
-          box.add(states[i].point());
-        }
-      }
-      blocks_.push_back(box);
-    }
-  }
-
-  /// Calls visit(index, from, to, stray_m) for every piece of a block that lies within `reach_m` of
-  /// the box; `stray_m` bounds how far the path may leave the straight piece.
-  template <typename Visit>
-  void visit_near(const Box& box, double reach_m, const Visit& visit) const {
-    for (std::size_t k = 0; k < blocks_.size(); ++k) {
-      if (!box.is_within(reach_m + 2.0 * kStrayMax_m, blocks_[k])) {
-        continue;
-      }
-      const std::size_t begin = k * kBlock;
-      for (std::size_t i = begin; i < std::min(begin + kBlock, states_.size() - 1); ++i) {
-        if (is_finite(states_[i]) && is_finite(states_[i + 1])) {
-          const Sagitta stray = sagitta_of(states_[i], states_[i + 1], step_s_);
-          visit(i, path_point(states_[i]), path_point(states_[i + 1]),
-                Sagitta{std::min(stray.across_m, kStrayMax_m),
-                        std::min(stray.vertical_m, kStrayMax_m)});
-        }
-      }
-    }
-  }
-
- private:
-  static constexpr std::size_t kBlock = 64;
-  const std::vector<flight::FlightState>& states_;
-  double step_s_;
-  std::vector<Box> blocks_;
-};
-
 // The least value for each piece: one finding a piece, however many things meet there.
 class LeastByPiece {
  public:
@@ -402,27 +221,15 @@ class LeastByPiece {
 
 void check_wires(const map::Map& map, const std::vector<flight::FlightState>& states,
                  const PieceBlocks& pieces, double required_m, Findings& findings) {
-  const auto top_of = [&](const map::OverheadLine::Support& support) {
-    return PathPoint{support.point.x_m, support.point.y_m,
-                     interpolated_height_m(map.terrain_m, support.point) + support.height_m};
-  };
   LeastByPiece nearest;
   for (const map::OverheadLine& line : map.overhead_lines) {
     for (std::size_t p = 1; p < line.supports.size(); ++p) {
-      PathPoint top_a = top_of(line.supports[p - 1]);
-      PathPoint top_b = top_of(line.supports[p]);
-      if (!std::isfinite(top_a.altitude_m) || !std::isfinite(top_b.altitude_m)) {
-        top_a.altitude_m = kInfinity;  // unknown: as high as may be
-        top_b.altitude_m = kInfinity;
-      }
-      Box span;
-      span.add(line.supports[p - 1].point);
-      span.add(line.supports[p].point);
+      const Span span = span_of(map, line, p);
       pieces.visit_near(
-          span, required_m,
+          span.box, required_m,
           [&](std::size_t i, const PathPoint& from, const PathPoint& to, const Sagitta& stray) {
-            const double clear_m =
-                distance_to_span_m(from, to, top_a, top_b) - stray.across_m - stray.vertical_m;
+            const double clear_m = distance_to_span_m(from, to, span.top_a, span.top_b) -
+                                   stray.across_m - stray.vertical_m;
             if (!(clear_m >= required_m)) {
               nearest.add(i, clear_m);
             }
@@ -436,12 +243,7 @@ void check_obstacles(const map::Map& map, const std::vector<flight::FlightState>
                      const PieceBlocks& pieces, double required_m, Findings& findings) {
   LeastByPiece nearest;
   for (const map::Obstacle& obstacle : map.obstacles) {
-    // The higher one of what the map says and of what follows from the ground; unknown: as high as
-    // may be.
-    const double top_m = std::fmax(
-        obstacle.top_m, interpolated_height_m(map.terrain_m, obstacle.point) + obstacle.height_m);
-    const Cylinder cylinder{obstacle.point.x_m, obstacle.point.y_m, obstacle.radius_m,
-                            std::isnan(top_m) ? kInfinity : top_m};
+    const Cylinder cylinder = cylinder_of(map, obstacle);
     Box box;
     box.add(obstacle.point);
     pieces.visit_near(
@@ -461,32 +263,18 @@ void check_obstacles(const map::Map& map, const std::vector<flight::FlightState>
 // by a piece that only comes near its floor or ceiling; pieces are two metres long.
 void check_areas(const map::Map& map, const std::vector<flight::FlightState>& states,
                  const PieceBlocks& pieces, Findings& findings) {
-  const auto is_above_ground = [](const map::AreaLimit& limit) {
-    return limit.reference == map::AreaLimit::Reference::kAboveGround &&
-           std::isfinite(limit.value_m);
-  };
-  // The greatest height above ground is the least one with all signs turned.
   std::optional<raster::Grid<float>> turned_terrain_m;
   LeastByPiece depths;
   for (const map::Area& area : map.areas) {
     if (!area.is_hard) {
       continue;
     }
-    Box box;
-    for (const map::Area::Polygon& polygon : area.polygons) {
-      for (const geo::MapPoint& corner : polygon.outer) {
-        box.add(corner);
-      }
-    }
-    const bool needs_ground = is_above_ground(area.floor) || is_above_ground(area.ceiling);
-    if (needs_ground && !turned_terrain_m) {
-      turned_terrain_m = map.terrain_m;
-      for (float& value : turned_terrain_m->values()) {
-        value = -value;
-      }
+    const bool is_ground_needed = needs_ground(area);
+    if (is_ground_needed && !turned_terrain_m) {
+      turned_terrain_m = turned(map.terrain_m);
     }
     pieces.visit_near(
-        box, 0.0,
+        box_of(area), 0.0,
         [&](std::size_t i, const PathPoint& from, const PathPoint& to, const Sagitta& stray) {
           const auto depth_m = depth_in_area_m(area, from, to, stray.across_m);
           if (!depth_m) {
@@ -494,20 +282,10 @@ void check_areas(const map::Map& map, const std::vector<flight::FlightState>& st
           }
           HeightRange altitude{std::min(from.altitude_m, to.altitude_m) - stray.vertical_m,
                                std::max(from.altitude_m, to.altitude_m) + stray.vertical_m};
-          HeightRange height{kNan, kNan};
-          if (needs_ground) {
-            const Sweep low = sweep_surface(map.terrain_m, from, to, 0.0);
-            PathPoint turned_from = from;
-            PathPoint turned_to = to;
-            turned_from.altitude_m = -from.altitude_m;
-            turned_to.altitude_m = -to.altitude_m;
-            const Sweep high = sweep_surface(*turned_terrain_m, turned_from, turned_to, 0.0);
-            // Any unknown ground on the way: heights are unknown.
-            if (std::isnan(low.unknown_at) && std::isnan(low.outside_at)) {
-              height = {low.clearance_min_m - stray.vertical_m,
-                        -high.clearance_min_m + stray.vertical_m};
-            }
-          }
+          const HeightRange height =
+              is_ground_needed
+                  ? heights_over(map.terrain_m, *turned_terrain_m, from, to, stray.vertical_m)
+                  : HeightRange{kNan, kNan};
           if (may_lie_within(area, altitude, height)) {
             depths.add(i, -*depth_m);
           }
@@ -516,7 +294,29 @@ void check_areas(const map::Map& map, const std::vector<flight::FlightState>& st
   depths.tell("no_fly_area", states, 0.0, findings);
 }
 
+// Via points in their order: each must be passed after the one before. Going on from
+// where the radius is first entered leaves the most for those that follow.
+void check_via(const std::vector<flight::FlightState>& states,
+               const std::vector<geo::MapPoint>& via, double radius_m, Findings& findings) {
+  std::size_t begin = 0;
+  for (const geo::MapPoint& point : via) {
+    const Pass pass = first_pass(states, begin, point, radius_m);
+    if (!(pass.distance_m <= radius_m)) {
+      findings.add("via", states[pass.piece], pass.distance_m, radius_m);
+      continue;
+    }
+    begin = pass.entry;
+  }
+}
+
 }  // namespace
+
+double load_factor_of(const flight::FlightState& state) {
+  const double up = 1.0 + state.vertical_acceleration_mps2 / kGravity_mps2;
+  const double across = elementary::tan(state.bank_rad);
+  const double along = elementary::tan(state.pitch_rad);
+  return std::sqrt(up * up + across * across + along * along);
+}
 
 Demands read_demands(ConfigReader& reader) {
   Demands demands;
@@ -525,6 +325,7 @@ Demands read_demands(ConfigReader& reader) {
   demands.share_under_ceiling_min = reader.required_double("share_under_ceiling_min");
   demands.goal_radius_m = reader.required_double("goal_radius_m");
   demands.start_radius_m = reader.required_double("start_radius_m");
+  demands.via_radius_m = reader.required_double("via_radius_m");
   reader.require(demands.required_clearance_m >= 0.0, "required_clearance_m",
                  "must not be negative");
   reader.require(demands.ceiling_height_m > demands.required_clearance_m, "ceiling_height_m",
@@ -533,13 +334,15 @@ Demands read_demands(ConfigReader& reader) {
                  "share_under_ceiling_min", "must lie between 0 and 1");
   reader.require(demands.goal_radius_m > 0.0, "goal_radius_m", "must be above 0");
   reader.require(demands.start_radius_m > 0.0, "start_radius_m", "must be above 0");
+  reader.require(demands.via_radius_m > 0.0, "via_radius_m", "must be above 0");
   reader.finish();
   return demands;
 }
 
 flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory,
-                       const flight::Waypoint& start, const flight::Waypoint& goal,
-                       const flight::Limits& limits, const Demands& demands) {
+                       const flight::Waypoint& start, const std::vector<geo::MapPoint>& via,
+                       const flight::Waypoint& goal, const flight::Limits& limits,
+                       const Demands& demands) {
   const std::vector<flight::FlightState>& states = trajectory.states;
   const double step_s = trajectory.step_s;
   Findings findings;
@@ -623,11 +426,8 @@ flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory
     if (std::isnan(sweep.clearance_min_m)) {
       continue;
     }
-    // The gradient holds up to one cell off the chord; a path that strays farther breaks
-    // continuity.
-    const Sagitta stray = sagitta_of(a, b, step_s);
-    const double clearance_m = sweep.clearance_min_m - stray.vertical_m -
-                               sweep.gradient_max * std::min(stray.across_m, map.geometry.cell_m);
+    const double clearance_m =
+        piece_clearance(map.surface_m, sweep, sagitta_of(a, b, step_s)).least_m;
     const geo::MapPoint place = place_at(sweep.clearance_min_at);
     if (std::isnan(verdict.clearance_min_m) || clearance_m < verdict.clearance_min_m) {
       verdict.clearance_min_m = clearance_m;
@@ -663,6 +463,8 @@ flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory
   if (!(verdict.goal_distance_m <= demands.goal_radius_m)) {
     findings.add("goal", states.back(), verdict.goal_distance_m, demands.goal_radius_m);
   }
+
+  check_via(states, via, demands.via_radius_m, findings);
 
   verdict.violation_count = findings.count();
   verdict.violations = findings.worst();

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "base/config_reader.hpp"
 #include "flight/plan_request.hpp"
 #include "flight/route.hpp"
@@ -17,8 +19,17 @@ struct Demands {
   double share_under_ceiling_min = 0.0;
   double goal_radius_m = 0.0;
   double start_radius_m = 0.0;
+  double via_radius_m = 0.0;  // within which each via point is passed, seen from above
 };
 Demands read_demands(ConfigReader& reader);
+
+/// Thrust over weight [-] of a state whose acceleration is the vertical one, g tan(bank) across and
+/// g tan(pitch) along, pitch being relative to trim:
+///
+///     n = sqrt((1 + a_z / g)^2 + tan^2 bank + tan^2 pitch)
+///
+/// In a steady, level turn that is 1 / cos(bank).
+double load_factor_of(const flight::FlightState& state);
 
 /// Checks a finished trajectory on its own terms: own interpolation, own geometry, own kinematics.
 /// Shares no code with the planners.
@@ -30,10 +41,11 @@ Demands read_demands(ConfigReader& reader);
 ///
 /// Rules, by the names in the verdict: `clearance`, `wire_clearance` (distance to the curtain below
 /// the straight conductor of each overhead line), `obstacle_clearance` (distance to the cylinder of
-/// each obstacle), `no_fly_area` (minus the distance to the edge of the hard area that is entered),
-/// `unknown_surface`, `outside_map`; `bank`,
-/// `roll_rate`, `pitch`, `climb_rate`, `descent_rate`, `vertical_acceleration`, `speed_min`,
-/// `speed_max`; `start`, `goal`, `share_under_ceiling`; `surface_column`, `terrain_column`;
+/// each obstacle, whose radius holds the error of its position), `no_fly_area` (minus the distance
+/// to the edge of the hard area that is entered), `unknown_surface`, `outside_map`; `bank`,
+/// `roll_rate`, `pitch`, `climb_rate`, `descent_rate`, `vertical_acceleration`, `load_factor` (see
+/// load_factor_of()), `speed_min`, `speed_max`; `start`, `goal`, `via` (passed in their order),
+/// `share_under_ceiling`; `surface_column`, `terrain_column`;
 /// `states`, `finite`, `time_step`; `continuity_position`, `_altitude`, `_heading`, `_bank`,
 /// `_pitch`, `_speed`, `_climb_rate`,
 /// `_roll_rate`, `_pitch_rate`. Each state or step that breaks a rule counts once.
@@ -41,7 +53,8 @@ Demands read_demands(ConfigReader& reader);
 /// Values of unknown things (a void, a state that is not finite) are NaN, also in the verdict's
 /// figures when nothing could be measured.
 flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory,
-                       const flight::Waypoint& start, const flight::Waypoint& goal,
-                       const flight::Limits& limits, const Demands& demands);
+                       const flight::Waypoint& start, const std::vector<geo::MapPoint>& via,
+                       const flight::Waypoint& goal, const flight::Limits& limits,
+                       const Demands& demands);
 
 }  // namespace hedgehop::verification

@@ -352,8 +352,15 @@ class BadInputOfOtherVerbs(CliTest):
             lines[i] = ",".join(cells)
         table.write_text("\n".join(lines) + "\n")
         result = self.hedgehop("verify", plan, "--map", self.map, "--json")
-        # not verified, or refused because the file no longer fits its plan: never "verified"
-        self.assertIn(result.returncode, (4, 5), result.stderr)
+        self.assertEqual(result.returncode, 4, result.stderr)
+        found = {entry["rule"]: entry for entry in reversed(json.loads(result.stdout)["violations"])}
+        self.assertIn("height_column", found)  # falsified with it
+        worst = found["clearance"]
+        self.assertEqual(worst["unit"], "m")
+        self.assertLess(worst["value"], worst["limit"])
+        west, south, east, north = inputs.BBOX
+        self.assertTrue(south < worst["latitude_deg"] < north and west < worst["longitude_deg"] < east, worst)
+        self.assertIn("violation: clearance: ", result.stderr)
 
 
     def export_arguments(self, *more, formats="kml", out="out"):
@@ -583,6 +590,12 @@ class Json(CliTest):
         verified = self.one_object("verify", self.work / "plan", "--map", self.map, allowed=(0, 4))
         self.assertEqual(plan["is_verified"], verified["is_verified"])
         self.assertEqual(plan["length_m"], verified["length_m"])
+        self.assertEqual(verified["schema_version"], 1)
+        self.assertEqual(verified["violations"] == [], verified["is_verified"])
+        margins = verified["margins"]
+        self.assertEqual(margins["clearance_m"]["min"], verified["clearance_min_m"])
+        self.assertLessEqual(margins["clearance_m"]["p05"], margins["clearance_m"]["median"])
+        self.assertIn(margins["nearest_miss"]["hazard"], ("ground", "wire", "obstacle", "area"))
         # start and goal lie 8.82 km apart; a route is never shorter than that, less the goal's radius
         self.assertGreater(plan["length_m"], 8700.0)
         self.one_object("report", self.work / "plan", "--map", self.map)

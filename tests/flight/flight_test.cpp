@@ -77,7 +77,8 @@ TEST(Limits, AnImpossibleValueIsRefusedWithItsPlace) {
   auto reader = ConfigReader::from_text(
       "speed_min_mps: 15\nspeed_max_mps: 10\nbank_max_deg: 30\nroll_rate_max_degps: 35\n"
       "pitch_max_deg: 12\nclimb_rate_max_mps: 8\ndescent_rate_max_mps: 8\n"
-      "vertical_acceleration_max_mps2: 2.5\n",
+      "vertical_acceleration_max_mps2: 2.5\n"
+      "load_factor_max: 1.5\n",
       "wrong.yaml");
   try {
     read_limits(reader);

@@ -83,7 +83,7 @@ TEST_F(PlanningConfigTest, VehicleFileBesideTheConfigIsTaken) {
         "name: slow\n"
         "limits: {speed_min_mps: 5, speed_max_mps: 45, bank_max_deg: 25, "
         "roll_rate_max_degps: 30, pitch_max_deg: 10, climb_rate_max_mps: 5, "
-        "descent_rate_max_mps: 5, vertical_acceleration_max_mps2: 2}\n");
+        "descent_rate_max_mps: 5, vertical_acceleration_max_mps2: 2, load_factor_max: 1.5}\n");
   const std::string file = write("mine.yaml", "vehicle_file: slow.yaml\n");
 
   // The file is found; it lacks its command model, which must be named.

@@ -26,6 +26,7 @@ inline flight::Limits test_limits() {
   limits.climb_rate_max_mps = 8.0;
   limits.descent_rate_max_mps = 8.0;
   limits.vertical_acceleration_max_mps2 = 2.5;
+  limits.load_factor_max = 1.5;
   return limits;
 }
 

@@ -32,6 +32,7 @@ Demands test_demands() {
   demands.share_under_ceiling_min = 0.0;
   demands.goal_radius_m = 60.0;
   demands.start_radius_m = 1.0;
+  demands.via_radius_m = 250.0;
   return demands;
 }
 
@@ -61,7 +62,7 @@ flight::Waypoint place_of(const flight::FlightState& state) {
 
 flight::Verdict verdict_of(const map::Map& map, const flight::Trajectory& trajectory,
                            const Demands& demands = test_demands()) {
-  return verify(map, trajectory, place_of(trajectory.states.front()),
+  return verify(map, trajectory, place_of(trajectory.states.front()), {},
                 place_of(trajectory.states.back()), test::test_limits(), demands);
 }
 
@@ -413,6 +414,14 @@ TEST_F(Verify, FindsEachLimitThatIsBrokenByAThousandth) {
        [&](auto& s) {
          s.vertical_acceleration_mps2 = -1.001 * limits.vertical_acceleration_max_mps2;
        }},
+      {"load_factor",
+       [&](auto& s) {
+         // sqrt((1 + a / g)^2 + tan^2 bank) with pitch 0, a thousandth above the limit.
+         const double across = std::tan(s.bank_rad);
+         s.pitch_rad = 0.0;
+         s.vertical_acceleration_mps2 =
+             test::kG_mps2 * (std::sqrt(1.5015 * 1.5015 - across * across) - 1.0);
+       }},
       {"speed_max", [&](auto& s) { s.speed_mps = 1.001 * limits.speed_max_mps; }},
       {"speed_min", [&](auto& s) { s.speed_mps = 0.999 * limits.speed_min_mps; }},
   };
@@ -436,7 +445,7 @@ TEST_F(Verify, FindsAFlightThatClimbsTooSteeplyThroughout) {
 TEST_F(Verify, FindsAGoalThatIsMissed) {
   flight::Waypoint goal = place_of(flight_.states.back());
   goal.x_m += 61.0;
-  const flight::Verdict verdict = verify(map_, flight_, place_of(flight_.states.front()), goal,
+  const flight::Verdict verdict = verify(map_, flight_, place_of(flight_.states.front()), {}, goal,
                                          test::test_limits(), test_demands());
   expect_found(verdict, "goal", 60.0, 60.0);
   EXPECT_NEAR(verdict.goal_distance_m, 61.0, 1e-9);
@@ -447,10 +456,46 @@ TEST_F(Verify, FindsAStartThatIsOffInPlaceOrAltitude) {
   for (const flight::Waypoint& asked :
        {flight::Waypoint{start.x_m + 1.1, start.y_m, start.altitude_m},
         flight::Waypoint{start.x_m, start.y_m, start.altitude_m - 1.1}}) {
-    expect_found(verify(map_, flight_, asked, place_of(flight_.states.back()), test::test_limits(),
-                        test_demands()),
+    expect_found(verify(map_, flight_, asked, {}, place_of(flight_.states.back()),
+                        test::test_limits(), test_demands()),
                  "start", 0.0, 0.0);
   }
+}
+
+TEST_F(Verify, KnowsTheLoadFactorOfALevelTurnAndOfAPullUp) {
+  flight::FlightState state;
+  state.bank_rad = test::kPi / 3.0;
+  EXPECT_NEAR(load_factor_of(state), 2.0, 1e-12);
+  state.bank_rad = 0.0;
+  state.vertical_acceleration_mps2 = 0.25 * test::kG_mps2;
+  EXPECT_NEAR(load_factor_of(state), 1.25, 1e-12);
+  state.pitch_rad = std::atan(0.75);
+  EXPECT_NEAR(load_factor_of(state), std::hypot(1.25, 0.75), 1e-12);
+}
+
+TEST_F(Verify, WantsViaPointsPassedInTheirOrder) {
+  // Straight to the north at 40 m/s: y = 1000 + 40 t.
+  Manoeuvre manoeuvre;
+  manoeuvre.x_m = 3000.0;
+  manoeuvre.y_m = 1000.0;
+  manoeuvre.altitude_m = 450.0;
+  manoeuvre.duration_s = 60.0;
+  const flight::Trajectory flight = fly(manoeuvre, map_);
+  const auto via = [&](const std::vector<geo::MapPoint>& points) {
+    return verify(map_, flight, place_of(flight.states.front()), points,
+                  place_of(flight.states.back()), test::test_limits(), test_demands());
+  };
+  EXPECT_TRUE(via({{3249.0, 1500.0}, {2751.0, 2500.0}}).is_verified);
+  EXPECT_TRUE(via({{3000.0, 1500.0}, {3000.0, 1500.0}, {3000.0, 1300.0}}).is_verified);
+  // Missed by 251 m, passed after 12.5 s.
+  const flight::Verdict missed = via({{3251.0, 1500.0}, {3000.0, 2500.0}});
+  expect_found(missed, "via", 12.4, 12.5);
+  EXPECT_NEAR(missed.violations[0].value, 251.0, 1e-6);
+  EXPECT_EQ(missed.violation_count, 1);
+  // In the wrong order: 1000 m back from where the first one is entered, 250 m before it.
+  const flight::Verdict back = via({{3000.0, 2500.0}, {3000.0, 1500.0}});
+  expect_found(back, "via", 31.2, 31.3);
+  EXPECT_NEAR(back.violations[0].value, 750.0, 2.0);
 }
 
 TEST_F(Verify, FindsWhereTheFlightLeavesTheMap) {
@@ -645,7 +690,7 @@ TEST_F(Verify, RefusesATrajectoryWithoutAStep) {
   EXPECT_FALSE(verdict_of(map_, trajectory).is_verified);
   trajectory.states.clear();
   const flight::Verdict verdict =
-      verify(map_, trajectory, {}, {}, test::test_limits(), test_demands());
+      verify(map_, trajectory, {}, {}, {}, test::test_limits(), test_demands());
   EXPECT_FALSE(verdict.is_verified);
   EXPECT_EQ(verdict.violations[0].rule, "states");
 }
@@ -739,7 +784,7 @@ TEST_F(Verify, HasNothingToSayAgainstTheCommandModel) {
         flown_at_random(map_, model, random, std::vector<double>{0.02, 0.05, 0.1}[random() % 3]);
     test::lift(flight, 12.0 - sampled_clearance_m(map_, flight, 0.5));
     const flight::Verdict verdict =
-        verify(map_, flight, place_of(flight.states.front()), place_of(flight.states.back()),
+        verify(map_, flight, place_of(flight.states.front()), {}, place_of(flight.states.back()),
                vehicle.limits, test_demands());
     ASSERT_TRUE(verdict.is_verified) << "round " << round << "\n" << list_of(verdict);
   }
@@ -752,7 +797,7 @@ TEST(ReadDemands, ReadsTheShippedConfigAndRefusesNonsense) {
   EXPECT_GT(demands.required_clearance_m, 0.0);
   ConfigReader bad = ConfigReader::from_text(
       "{required_clearance_m: 10, ceiling_height_m: 5, share_under_ceiling_min: 0, "
-      "goal_radius_m: 60, start_radius_m: 1}",
+      "goal_radius_m: 60, start_radius_m: 1, via_radius_m: 250}",
       "bad.yaml");
   EXPECT_THROW(read_demands(bad), ConfigError);
 }

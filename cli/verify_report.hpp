@@ -1,0 +1,17 @@
+#pragma once
+
+#include <string>
+
+#include "base/errors.hpp"
+#include "console.hpp"
+#include "flight/plan.hpp"
+#include "map/map.hpp"
+#include "verification/plan_check.hpp"
+
+namespace hedgehop::cli {
+
+/// Prints what was found. Returns 0, or 4 when the plan is not verified.
+ExitCode report_check(const Console& console, const std::string& folder, const map::Map& map,
+                      const flight::Plan& plan, const verification::PlanCheck& check);
+
+}  // namespace hedgehop::cli

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "flight/plan.hpp"
+#include "map/map.hpp"
+#include "verification/findings.hpp"
+#include "verification/path_pieces.hpp"
+#include "verification/verifier.hpp"
+
+namespace hedgehop::verification {
+
+/// What a metre of path costs, as the config of a plan says; read without the planners' code.
+struct CostRules {
+  double visibility = 0.0;                 // c_vis [-]
+  double visibility_per_height_1pm = 0.0;  // c_vis,h
+  double semantics = 0.0;                  // c_sem [-]
+  double height_1pm = 0.0;                 // c_height
+  double reference_height_m = 0.0;
+  double unknown_visibility = 0.0;
+  double small_patch_m = 0.0;
+  double lateral_margin_m = 0.0;  // around start and goal, whose altitude may follow from it
+  struct Rule {
+    std::uint16_t all_of = 0;
+    double cost = 0.0;
+  };
+  std::vector<Rule> rules;
+  double otherwise = 0.0;
+  double soft_area = 0.0;
+};
+/// Throws ConfigError.
+CostRules read_cost_rules(const std::string& config_text, const std::string& name);
+
+/// Sums over paths, from the map alone.
+class PathSums {
+ public:
+  /// Keeps references to both.
+  PathSums(const map::Map& map, const CostRules& rules);
+
+  /// The terms of eq. (1) along straight legs: each leg is cut at the edges of the cells and into
+  /// pieces of at most 0.5 m, over which the integrand is summed by Simpson's rule.
+  flight::RouteCost route_cost(const std::vector<flight::Waypoint>& waypoints);
+
+  /// The measures of a flight, by the trapezoidal rule between its states.
+  flight::PathMeasures measures(const flight::Trajectory& trajectory, double ceiling_height_m);
+
+  /// Visibility of a cell as planners see it: a dark patch stays only where a straight row of
+  /// cells, as long as `small_patch_m`, is as dark.
+  double seen_by_planners(std::size_t band, raster::CellIndex cell);
+
+ private:
+  struct Band {
+    double height_m = 0.0;
+    const raster::Grid<std::uint16_t>* share = nullptr;
+    std::vector<float> without_patches;  // NaN: not asked for yet
+  };
+
+  double share_of(const Band& band, raster::CellIndex cell) const;
+  double seen(const geo::MapPoint& point, double height_m, bool is_by_planners);
+  double semantics(const geo::MapPoint& point, double altitude_m) const;
+
+  const map::Map& map_;
+  const CostRules& rules_;
+  std::vector<Band> bands_;  // ascending
+  std::vector<std::pair<const map::Area*, Box>> soft_areas_;
+};
+
+/// Compares what plan.json says with what follows from its route, its trajectory, its request and
+/// the map. A rule is the path of the field: `route.cost.visibility_m`, `measures.length_m`,
+/// `verification.clearance_min_m`, ...; besides, `request.start` and `request.goal` (the ends of
+/// the route are the places asked for), `request.start_heading_true_rad` (as flown),
+/// `route.waypoints` (the route begins and ends there) and `route.lower_bound_m` (no more than the
+/// route costs; what it is cannot be said from here).
+///
+/// Tolerances: costs 0.2 % and 1 m, since planners sum in steps of 1 m; measures 1e-5 of the value
+/// and 1 mm; shares and angles 1e-6; altitudes and places of the ends 1 cm.
+/// @param verdict  of the same plan, found here
+void check_figures(const map::Map& map, const flight::Plan& plan, const CostRules& rules,
+                   const Demands& demands, const flight::Verdict& verdict, Findings& findings);
+
+}  // namespace hedgehop::verification
