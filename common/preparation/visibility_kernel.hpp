@@ -36,7 +36,7 @@ inline constexpr float kLowestSlope = -1e6F;
 inline constexpr float kBlindEye_m = 1e12F;
 /// A cell that lies this much above or below its neighbours to the left and right, added up, is an
 /// edge: of a forest or a house, or a ridge.
-inline constexpr float kEdge_m = 16.0F;
+inline constexpr float kEdge_m = 8.0F;
 /// Lanes of the widest vector.
 inline constexpr int kLanesMax = 16;
 /// Neighbouring strips that are interpolated together, as their ground lies in the same pages.
