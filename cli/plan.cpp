@@ -25,7 +25,7 @@ struct PlanArguments {
 };
 
 ExitCode run(const Console& console, const PlanArguments& arguments) {
-  const flight::PlanRequest request = arguments.request.plan_request();
+  const map_sources::Mission mission = arguments.request.mission(console);
   const planning::PlanningConfig config =
       planning::read_planning_config(planning::effective_planning_config(
                                          arguments.request.config_file, arguments.request.settings),
@@ -36,6 +36,7 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
   StageTimer timer;
   const map::Map map = map::read_map_bundle(arguments.map);
   observer->check_stop();
+  const flight::PlanRequest request = arguments.request.plan_request(mission, &map);
   timer.lap("read_map");
   auto route = planning::plan_route(map, request, config, route_progress(*observer), *observer);
   observer->check_stop();
@@ -70,8 +71,9 @@ void add_plan_verb(CLI::App& app, Console& console) {
   verb->footer(
       "Writes plan.json, route.geojson, trajectory.csv and timings.json into the folder --out. The "
       "same map, request, config, seed and work budget give the same bytes.\n"
-      "Example:\n"
-      "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan --figures");
+      "Examples:\n"
+      "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan --figures\n"
+      "  hedgehop plan --map map --mission mission.yaml --out plan");
   auto arguments = std::make_shared<PlanArguments>();
   verb->add_option("--map", arguments->map, "Map bundle, a folder made by `hedgehop prepare`")
       ->required();

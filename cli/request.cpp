@@ -43,7 +43,8 @@ std::shared_ptr<const map::Map> map_from_bus(bus::Bus& bus, bus::BlobExchange& e
 }
 
 ExitCode run(const Console& console, const BusRequestArguments& arguments) {
-  const flight::PlanRequest request = arguments.request.plan_request();
+  const flight::PlanRequest request =
+      arguments.request.plan_request(arguments.request.mission(console), nullptr);
   const planning::PlanningConfig config =
       planning::read_planning_config(planning::effective_planning_config(
                                          arguments.request.config_file, arguments.request.settings),

@@ -6,8 +6,49 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "geo/vertical_datum.hpp"
+#include "raster/grid.hpp"
 
 namespace hedgehop::cli {
+namespace {
+
+using Reference = map_sources::MissionPoint::Reference;
+
+map_sources::MissionPoint point_of(const std::string& text, const std::string& option) {
+  const flight::RequestPoint point = parse_request_point(text, option);
+  return {point.position, point.height_m, Reference::kSurface, option};
+}
+
+// A height as planners count them: above the surface model. Nothing where the map knows none, for
+// planners to say so.
+std::optional<double> height_above_surface_m(const map_sources::MissionPoint& point,
+                                             const map::Map& map) {
+  const geo::MapPoint place = geo::MapProjection(map.crs_wkt).to_map(point.position);
+  if (!map.geometry.contains(place)) {
+    return std::nullopt;
+  }
+  double altitude_m = *point.height_m;
+  if (point.reference == Reference::kGround) {
+    altitude_m += raster::sample_bilinear(map.terrain_m, place);
+  } else if (point.reference != Reference::kMapDatum) {
+    const auto from =
+        geo::VerticalDatum::parse(point.reference == Reference::kEllipsoid ? "ellipsoid" : "EGM96");
+    const auto to = geo::VerticalDatum::parse(map.vertical_datum);
+    if (!(from == to)) {
+      constexpr double kMargin_rad = 1e-4;
+      const geo::GeodeticPosition& p = point.position;
+      altitude_m +=
+          geo::VerticalShift(from, to,
+                             {p.longitude_rad - kMargin_rad, p.latitude_rad - kMargin_rad,
+                              p.longitude_rad + kMargin_rad, p.latitude_rad + kMargin_rad})
+              .at_m(p);
+    }
+  }
+  const double height_m = altitude_m - raster::sample_bilinear(map.surface_m, place);
+  return std::isnan(height_m) ? std::nullopt : std::optional(height_m);
+}
+
+}  // namespace
 
 flight::RequestPoint parse_request_point(const std::string& text, const std::string& option) {
   const auto refuse = [&](const std::string& why) {
@@ -51,14 +92,22 @@ flight::RequestPoint parse_request_point(const std::string& text, const std::str
 }
 
 void RequestArguments::add_to(CLI::App& verb) {
-  verb.add_option(
-          "--start", start,
-          "Where the flight begins: LAT,LON[,HEIGHT_M], height above the surface; without it "
-          "the reference height above the highest surface nearby")
-      ->required();
-  verb.add_option("--goal", goal, "Where it ends: LAT,LON[,HEIGHT_M]")->required();
-  verb.add_option("--via", via, "A place to pass: LAT,LON[,HEIGHT_M]; may be given several times")
-      ->allow_extra_args(false);
+  auto* start_option = verb.add_option(
+      "--start", start,
+      "Where the flight begins: LAT,LON[,HEIGHT_M], height above the surface; without it "
+      "the reference height above the highest surface nearby");
+  auto* goal_option = verb.add_option("--goal", goal, "Where it ends: LAT,LON[,HEIGHT_M]");
+  auto* via_option =
+      verb.add_option("--via", via,
+                      "A place to pass: LAT,LON[,HEIGHT_M]; may be given several times")
+          ->allow_extra_args(false);
+  verb.add_option("--mission", mission_file,
+                  "All of these from a file: YAML, GeoJSON, KML, GPX, .plan or .waypoints")
+      ->excludes(start_option)
+      ->excludes(goal_option)
+      ->excludes(via_option);
+  verb.add_flag("--ignore-heights", ignores_heights,
+                "Take places of the mission file alone; heights as without any");
   verb.add_option_function<double>(
           "--start-heading-deg",
           [this](double value) {
@@ -80,19 +129,64 @@ void RequestArguments::add_to(CLI::App& verb) {
       ->allow_extra_args(false);
 }
 
-flight::PlanRequest RequestArguments::plan_request() const {
+map_sources::Mission RequestArguments::mission(const Console& console) const {
+  if (mission_file.empty()) {
+    if (start.empty() || goal.empty()) {
+      throw UsageError(std::string(start.empty() ? "--start" : "--goal") + " is missing",
+                       "give --start and --goal, or --mission with a file that holds them");
+    }
+    if (ignores_heights) {
+      throw UsageError("--ignore-heights is for heights of a file",
+                       "leave the heights out of --start, --goal and --via");
+    }
+    map_sources::Mission mission;
+    mission.start = point_of(start, "--start");
+    mission.goal = point_of(goal, "--goal");
+    for (const std::string& point : via) {
+      mission.via.push_back(point_of(point, "--via"));
+    }
+    return mission;
+  }
+  map_sources::Mission mission = map_sources::read_mission(mission_file);
+  for (const std::string& remark : mission.remarks) {
+    console.say("note: " + remark);
+  }
+  if (ignores_heights) {
+    mission.start.height_m.reset();
+    mission.goal.height_m.reset();
+    for (map_sources::MissionPoint& point : mission.via) {
+      point.height_m.reset();
+    }
+  }
+  return mission;
+}
+
+flight::PlanRequest RequestArguments::plan_request(const map_sources::Mission& mission,
+                                                   const map::Map* map) const {
+  const auto request_point = [&](const map_sources::MissionPoint& point) {
+    flight::RequestPoint request{point.position, point.height_m};
+    if (point.height_m && point.reference != Reference::kSurface) {
+      if (map == nullptr) {
+        throw UsageError(point.place +
+                             " has a height that is not counted from the surface, which takes the "
+                             "map to convert",
+                         "give height_m, plan with hedgehop plan, or add --ignore-heights");
+      }
+      request.height_m = height_above_surface_m(point, *map);
+    }
+    return request;
+  };
   flight::PlanRequest request;
-  request.start = parse_request_point(start, "--start");
-  request.goal = parse_request_point(goal, "--goal");
-  for (const std::string& point : via) {
-    request.via.push_back(parse_request_point(point, "--via"));
+  request.start = request_point(mission.start);
+  request.goal = request_point(mission.goal);
+  for (const map_sources::MissionPoint& point : mission.via) {
+    request.via.push_back(request_point(point));
   }
-  if (has_start_heading) {
-    request.start_heading_true_rad = wrap_to_two_pi(radians_from_degrees(start_heading_deg));
-  }
-  if (speed_mps > 0.0) {
-    request.speed_mps = speed_mps;
-  }
+  // The command line stands above the file.
+  request.start_heading_true_rad =
+      has_start_heading ? std::optional(wrap_to_two_pi(radians_from_degrees(start_heading_deg)))
+                        : mission.start_heading_true_rad;
+  request.speed_mps = speed_mps > 0.0 ? std::optional(speed_mps) : mission.speed_mps;
   request.seed = seed;
   request.work_budget = work;
   return request;

@@ -3,7 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "console.hpp"
 #include "flight/plan_request.hpp"
+#include "map/map.hpp"
+#include "map_sources/mission_file.hpp"
 
 namespace CLI {
 class App;
@@ -16,6 +19,8 @@ struct RequestArguments {
   std::string start;
   std::string goal;
   std::vector<std::string> via;
+  std::string mission_file;
+  bool ignores_heights = false;
   double start_heading_deg = 0.0;
   bool has_start_heading = false;
   double speed_mps = 0.0;
@@ -26,8 +31,14 @@ struct RequestArguments {
 
   void add_to(CLI::App& verb);
 
-  /// Throws UsageError for what cannot be meant.
-  [[nodiscard]] flight::PlanRequest plan_request() const;
+  /// Where to fly, from --mission or from --start, --goal and --via. Throws UsageError for what
+  /// cannot be meant, and what read_mission() throws; tells its remarks.
+  [[nodiscard]] map_sources::Mission mission(const Console& console) const;
+
+  /// The same as a request. Heights that are counted from the sea or the ground need the map;
+  /// without one (nullptr) they are refused with a UsageError.
+  [[nodiscard]] flight::PlanRequest plan_request(const map_sources::Mission& mission,
+                                                 const map::Map* map) const;
 };
 
 /// "LAT,LON" or "LAT,LON,HEIGHT_M" in degrees and metres. `option` is what errors call it.

@@ -142,7 +142,7 @@ struct ConfigReader::Node {
   std::string name;
   std::string path;  // dotted path of this mapping, ends in '.', or empty
   std::set<std::string, std::less<>> read;
-  std::vector<std::string> known;
+  std::set<std::string, std::less<>> optional;  // asked for by has()
 
   std::string where(std::string_view key) const { return path + std::string(key); }
 
@@ -203,6 +203,7 @@ ConfigReader ConfigReader::from_file(const std::string& path) {
 }
 
 bool ConfigReader::has(std::string_view key) const {
+  node_->optional.emplace(key);
   const YAML::Node& constant = node_->yaml;
   return static_cast<bool>(constant[std::string(key)]);
 }
@@ -303,7 +304,8 @@ std::vector<std::pair<std::string, double>> ConfigReader::all_doubles() {
 }
 
 void ConfigReader::finish() const {
-  const std::vector<std::string> known(node_->read.begin(), node_->read.end());
+  std::vector<std::string> known(node_->read.begin(), node_->read.end());
+  known.insert(known.end(), node_->optional.begin(), node_->optional.end());
   for (const auto& entry : node_->yaml) {
     const std::string key = entry.first.Scalar();
     if (!node_->read.contains(key)) {

@@ -87,6 +87,17 @@ TEST(ConfigReader, UnknownKeyIsRefusedWithFileLineAndTheNearestKnownKey) {
   EXPECT_EQ(near.hint, "did you mean 'range_m'?");
 }
 
+TEST(ConfigReader, KeyThatMayBeMissingIsSuggestedToo) {
+  ConfigReader reader = ConfigReader::from_text("sped_mps: 3\n", "a.yaml");
+  EXPECT_FALSE(reader.has("speed_mps"));
+  try {
+    reader.finish();
+    FAIL();
+  } catch (const ConfigError& error) {
+    EXPECT_EQ(error.hint(), "did you mean 'speed_mps'?");
+  }
+}
+
 TEST(ConfigReader, MissingKeyIsRefusedByItsFullName) {
   const Refusal refusal = refusal_of("nested:\n  a: 1\n", [](ConfigReader& reader) {
     reader.required_section("nested").required_double("b");

@@ -312,6 +312,43 @@ class BadInputOfPlan(CliTest):
         (self.work / "plan" / "letter.txt").write_text("keep me\n")
         self.assert_refused(self.plan_arguments(), 2, ["plan"], advice="--out|--overwrite|another|remove")
 
+    def mission(self, name, text):
+        path = self.work / name
+        path.write_text(text)
+        return path
+
+    def test_neither_mission_nor_start(self):
+        self.assert_refused(["plan", "--map", self.map, "--goal", GOAL, "--out", self.work / "plan"], 2, ["--start"],
+                            advice="--mission")
+
+    def test_mission_beside_start(self):
+        result = self.hedgehop(*self.plan_arguments("--mission", "m.yaml"))
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("--mission", result.stderr)
+
+    def test_mission_that_cannot_be_kept(self):
+        for name, text, code, mentions in (
+                ("m.yaml", "start: {latitude_deg: 49.51, longitude_deg: 11.42}\n"
+                           "goal: {latitude_deg: 49.57, longitude_deg: 11.50, heading_true_deg: 4}\n", 2, "m.yaml:2"),
+                ("m.yaml", "start: {latitude_deg: 49.51, longitude: 11.42}\n", 2, "m.yaml:1"),
+                ("m.gpx", "no xml", 5, "m.gpx"),
+                ("m.xyz", "?", 5, ".waypoints")):
+            with self.subTest(name=name, text=text):
+                path = self.mission(name, text)
+                before = listing(self.work)
+                result = self.hedgehop("plan", "--map", self.map, "--mission", path, "--out", self.work / "plan")
+                self.assertEqual(result.returncode, code, result.stderr)
+                self.assertIn(mentions, result.stderr)
+                self.assertEqual(listing(self.work), before)
+
+    def test_mission_over_the_bus_with_heights_that_need_the_map(self):
+        path = self.mission("m.yaml", "start: {latitude_deg: 49.51, longitude_deg: 11.42, altitude_m: 500}\n"
+                                      "goal: {latitude_deg: 49.57, longitude_deg: 11.50}\n")
+        result = self.hedgehop("request", "--mission", path, "--out", self.work / "plan")
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("m.yaml:1", result.stderr)
+        self.assertIn("--ignore-heights", result.stderr)
+
     def test_no_verb_and_unknown_option(self):
         for arguments in ([], ["plan"], ["--nonsense"], ["plan", "--nonsense"], ["fly"]):
             with self.subTest(arguments=arguments):
@@ -763,6 +800,81 @@ class SameBytes(CliTest):
                                    "--threads", threads, "--out", self.work / out)
             self.assertIn(result.returncode, (0, 4), result.stderr)
         self.compare(self.work / "one", self.work / "two")
+
+
+class Missions(CliTest):
+    """A mission file asks for what the options ask for."""
+
+    def planned(self, out, *arguments):
+        result = self.hedgehop("plan", "--map", self.map, *arguments, "--work", WORK, "--out", self.work / out)
+        self.assertIn(result.returncode, (0, 4), result.stderr)
+        return self.work / out
+
+    def write(self, name, text):
+        (self.work / name).write_text(text)
+        return self.work / name
+
+    def test_shipped_example_is_planned(self):
+        region = self.work / "region"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.40,49.90,11.60,50.00", "--cell-m", "90", "--out", region)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        result = self.hedgehop("plan", "--map", region, "--mission", ROOT / "docs" / "examples" / "mission.yaml", "--work", WORK,
+                               "--out", self.work / "plan")
+        self.assertIn(result.returncode, (0, 4), result.stderr)
+        request = json.loads((self.work / "plan" / "plan.json").read_text())["request"]
+        self.assertEqual((request["start"]["height_m"], len(request["via"]), request["speed_mps"]), (20, 2, 35))
+        self.assertAlmostEqual(request["start_heading_true_rad"], 1.3962634015954636)
+
+    def test_yaml_gives_the_bytes_of_the_options(self):
+        mission = self.write("m.yaml", "start: {latitude_deg: 49.51, longitude_deg: 11.42, height_m: 30}\n"
+                                       "via:\n  - {latitude_deg: 49.55, longitude_deg: 11.45}\n"
+                                       "goal: {latitude_deg: 49.57, longitude_deg: 11.50}\nspeed_mps: 35\n")
+        one = self.planned("one", "--mission", mission)
+        two = self.planned("two", "--start", START + ",30", "--via", "49.55,11.45", "--goal", GOAL, "--speed-mps", "35")
+        for name in ("plan.json", "trajectory.csv"):
+            self.assertEqual((one / name).read_bytes(), (two / name).read_bytes(), name)
+
+    def start_altitude(self, out, mission):
+        return json.loads((self.planned(out, "--mission", mission) / "plan.json").read_text())["route"]["start"]["altitude_m"]
+
+    def test_heights_count_from_what_the_file_says(self):
+        at = json.loads(self.hedgehop("info", self.map, "--at", START, "--json").stdout)
+        wanted = at["surface_m"] + 45.0
+
+        def kml(mode, height):
+            return ('<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><Point><altitudeMode>%s</altitudeMode>'
+                    "<coordinates>%g,%g,%r</coordinates></Point></Placemark><Placemark><Point><coordinates>%g,%g</coordinates>"
+                    "</Point></Placemark></Document></kml>" % (mode, inputs.START[1], inputs.START[0], height, inputs.GOAL[1],
+                                                               inputs.GOAL[0]))
+        self.assertAlmostEqual(self.start_altitude("sea", self.write("sea.kml", kml("absolute", wanted))), wanted, places=3)
+        ground = self.start_altitude("ground", self.write("ground.kml", kml("relativeToGround", 45.0)))
+        states = (self.work / "ground" / "trajectory.csv").read_text().splitlines()
+        terrain = float(dict(zip(states[0].split(","), states[1].split(",")))["terrain_m"])
+        self.assertAlmostEqual(ground, terrain + 45.0, places=2)
+        # the geoid lies 46 to 48 m above the ellipsoid there
+        line = {"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": [
+            [inputs.START[1], inputs.START[0], wanted + 47.0], [inputs.GOAL[1], inputs.GOAL[0]]]}}
+        above = self.start_altitude("ellipsoid", self.write("e.geojson", json.dumps(line)))
+        self.assertAlmostEqual(above, wanted, delta=1.5)
+        self.assertNotEqual(above, wanted)
+        # or from nothing
+        ignored = self.planned("ignored", "--mission", self.work / "sea.kml", "--ignore-heights")
+        self.assertIsNone(json.loads((ignored / "plan.json").read_text())["request"]["start"]["height_m"])
+
+    def test_gpx_and_plans_of_ground_stations_are_flown(self):
+        gpx = self.write("m.gpx", '<gpx version="1.1" creator="t" xmlns="http://www.topografix.com/GPX/1/1"><rte>'
+                                  '<rtept lat="%g" lon="%g"/><rtept lat="%g" lon="%g"/></rte></gpx>' % (*inputs.START, *inputs.GOAL))
+        plain = self.planned("plain", "--start", START, "--goal", GOAL)
+        self.assertEqual((self.planned("gpx", "--mission", gpx) / "trajectory.csv").read_bytes(),
+                         (plain / "trajectory.csv").read_bytes())
+        item = {"type": "SimpleItem", "autoContinue": True, "frame": 10}
+        plan = self.write("m.plan", json.dumps({"fileType": "Plan", "version": 1, "mission": {"version": 2, "items": [
+            {**item, "command": 22, "params": [0, 0, 0, None, *inputs.START, 40]},
+            {**item, "command": 16, "params": [0, 0, 0, None, *inputs.GOAL, 40]}]}}))
+        result = self.hedgehop("plan", "--map", self.map, "--mission", plan, "--work", WORK, "--out", self.work / "qgc")
+        self.assertIn(result.returncode, (0, 4), result.stderr)
+        self.assertIn("note: ", result.stderr)
+        self.assertIn("take-off", result.stderr)
 
 
 class OverTheBus(CliTest):

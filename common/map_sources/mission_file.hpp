@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "geo/map_projection.hpp"
+
+namespace hedgehop::map_sources {
+
+/// A place of a mission, as its file states it.
+struct MissionPoint {
+  /// What a height is counted from.
+  enum class Reference : std::uint8_t {
+    kSurface,   // terrain plus trees and buildings
+    kGround,    // terrain
+    kMapDatum,  // sea level as the map's heights know it
+    kEgm96,     // mean sea level of EGM96
+    kEllipsoid,
+  };
+  geo::GeodeticPosition position;
+  std::optional<double> height_m;  // without one, the planner's own choice
+  Reference reference = Reference::kSurface;
+  std::string place;  // "mission.yaml:3", "route.gpx: point 2", for errors
+};
+
+/// What a mission asks for.
+struct Mission {
+  MissionPoint start;
+  MissionPoint goal;
+  std::vector<MissionPoint> via;  // in this order
+  std::optional<double> start_heading_true_rad;
+  std::optional<double> speed_mps;
+  std::vector<std::string> remarks;  // what a user should know: a take-off that is not planned, ...
+};
+
+/// Most points that a mission may have; more is a recorded track.
+inline constexpr std::size_t kMissionPointsMax = 200;
+
+/// Reads a mission by the extension of its file.
+///
+/// - `.yaml`, `.yml`: our own form. `start`, `goal` and the entries of the list `via` hold
+///   `latitude_deg` and `longitude_deg`, and perhaps `height_m` (above the surface) or `altitude_m`
+///   (above mean sea level, the map's datum); `start` also `heading_true_deg`. `speed_mps` for the
+///   whole.
+/// - `.geojson`, `.json`, `.kml`, `.kmz`: one line, from its first to its last position, or points
+/// in
+///   the order of the file; of points, those whose attribute `role` (else name) is "start" and
+///   "goal" are these, wherever they stand. Attributes of points: `height_m` or `altitude_m` as in
+///   YAML, and of the start (or the line) `heading_true_deg` and `speed_mps`. Else the third number
+///   of a position counts: above the ellipsoid in GeoJSON (RFC 7946) unless it is 0; in KML as
+///   altitudeMode says.
+/// - `.gpx`: its one route, else its waypoints; `ele` is above mean sea level.
+/// - `.plan` (QGroundControl) and `.waypoints` (QGC WPL 110): waypoints in the frames 0 (above mean
+///   sea level), 3 (above home) and 10 (above ground), a take-off as start and a landing as goal,
+///   both without being planned, and one ground speed.
+///
+/// What a flight of hedgehop cannot keep is refused, not dropped: a heading anywhere but at the
+/// start, several speeds, waiting, loops, other commands, geofences, times, areas.
+///
+/// @throws UsageError   the file asks for what cannot be planned; says what, where, what to do.
+/// @throws ConfigError  a YAML file is wrong.
+/// @throws DataError    the file is missing, damaged or of no kind that is read.
+Mission read_mission(const std::filesystem::path& file);
+
+}  // namespace hedgehop::map_sources
