@@ -1,9 +1,86 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <optional>
+#include <string_view>
 #include <tbb/global_control.h>
 
+#include "base/config_reader.hpp"
 #include "hedgehop_version.hpp"
 #include "verbs.hpp"
+
+namespace hedgehop::cli {
+namespace {
+
+std::string full_name(const CLI::App& app) {
+  return app.get_parent() == nullptr ? app.get_name()
+                                     : full_name(*app.get_parent()) + " " + app.get_name();
+}
+
+struct Complaint {
+  std::string what;
+  std::string hint;
+};
+
+// What is wrong with a command line that could not be parsed: a verb or an option that does not
+// exist, with the nearest one, before anything that follows from it.
+Complaint complaint_about(const CLI::App& app, const CLI::ParseError& error, int argc,
+                          char** argv) {
+  const CLI::App* verb = &app;
+  const auto unknown = [&](const std::string& kind, const std::string& word,
+                           const std::vector<std::string>& known) {
+    const auto nearest = nearest_word(word, known);
+    return Complaint{"unknown " + kind + " '" + word + "'",
+                     (nearest ? "did you mean '" + *nearest + "'? " : "") + full_name(*verb) +
+                         " --help lists all"};
+  };
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word.starts_with("--") && word.size() > 2) {
+      const std::string name = word.substr(0, word.find('='));
+      if (verb->get_option_no_throw(name) == nullptr) {
+        std::vector<std::string> known;
+        for (const CLI::Option* option : verb->get_options()) {
+          for (const std::string& long_name : option->get_lnames()) {
+            known.push_back("--" + long_name);
+          }
+        }
+        return unknown("option", name, known);
+      }
+    } else if (!word.starts_with("-")) {
+      const auto below = verb->get_subcommands([](const CLI::App*) { return true; });
+      const auto found = std::find_if(below.begin(), below.end(), [&](const CLI::App* candidate) {
+        return candidate->check_name(word);
+      });
+      if (found != below.end()) {
+        verb = *found;
+      } else if (!below.empty()) {
+        std::vector<std::string> known;
+        for (const CLI::App* candidate : below) {
+          known.push_back(candidate->get_name());
+        }
+        return unknown("verb", word, known);
+      }
+    }
+  }
+  std::string what = error.what();
+  if (what == "A subcommand is required") {
+    what = "a verb is missing after '" + full_name(*verb) + "'";
+  }
+  // The largest number of all says nothing.
+  if (const std::size_t range = what.find(" not in range 0.000000 to 179769");
+      range != std::string::npos) {
+    what = what.substr(0, range) + " is too small";
+  }
+  return {what, "see " + full_name(*verb) + " --help"};
+}
+
+bool is_json_wanted(int argc, char** argv) {
+  return std::any_of(argv + 1, argv + argc,
+                     [](const char* word) { return std::string_view(word) == "--json"; });
+}
+
+}  // namespace
+}  // namespace hedgehop::cli
 
 int main(int argc, char** argv) {
   using namespace hedgehop;
@@ -44,8 +121,13 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const int code = app.exit(error);
-    return code == 0 ? 0 : static_cast<int>(ExitCode::kUsage);
+    if (error.get_exit_code() == 0) {
+      return app.exit(error);  // help, version
+    }
+    console.is_json = is_json_wanted(argc, argv);
+    const Complaint complaint = complaint_about(app, error, argc, argv);
+    return static_cast<int>(
+        report_error(console, ExitCode::kUsage, complaint.what, complaint.hint));
   }
   install_stop_signals();
   std::optional<tbb::global_control> threads;

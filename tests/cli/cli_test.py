@@ -564,9 +564,47 @@ class Help(CliTest):
                 self.assertIn("hedgehop " + " ".join(verb), text.split("Example")[1])
                 self.check_options(text)
                 if "Subcommands:" in text:
-                    below = re.findall(r"(?m)^  (\w+)  +\S", text.split("Subcommands:")[1].split("\n\n")[0])
+                    below = re.findall(r"(?m)^  ([\w-]+)  +\S", text.split("Subcommands:")[1].split("\n\n")[0])
                     self.assertTrue(below)
                     verbs.extend([*verb, name] for name in below)
+
+    def leaves(self):
+        """Every verb that does something, verbs below verbs included."""
+        verbs, leaves = [[verb] for verb in self.verbs()], []
+        while verbs:
+            verb = verbs.pop()
+            text = self.hedgehop(*verb, "--help").stdout
+            if "Subcommands:" in text:
+                verbs.extend([*verb, name] for name in re.findall(r"(?m)^  ([\w-]+)  +\S", text.split("Subcommands:")[1].split("\n\n")[0]))
+            else:
+                leaves.append((verb, text))
+        self.assertGreaterEqual(len(leaves), 20)
+        return leaves
+
+    def test_each_verb_takes_json_and_suggests_the_nearest_option_in_json_too(self):
+        for verb, text in self.leaves():
+            with self.subTest(verb=verb):
+                self.assertRegex(text, r"(?m)^  --json ")
+                result = self.hedgehop(*verb, "--jsn", "--json")
+                self.assertEqual(result.returncode, 2, result.stderr)
+                self.assertRegex(result.stderr, r"(?m)^error: unknown option '--jsn'$")
+                self.assertRegex(result.stderr, r"(?m)^hint: did you mean '--json'\? hedgehop %s --help" % " ".join(verb))
+                found = json.loads(result.stdout)
+                self.assertEqual(found["schema_version"], 1)
+                self.assertEqual(found["error"]["exit_code"], 2)
+                self.assertIn("--jsn", found["error"]["what"])
+                self.assertIn("--json", found["error"]["hint"])
+
+    def test_misspelt_verb_suggests_the_nearest(self):
+        for words, wrong, right in ((["pln"], "pln", "plan"), (["exprt", "--json"], "exprt", "export"),
+                                    (["evaluate", "tabel2"], "tabel2", "table2"), (["config", "sho"], "sho", "show")):
+            with self.subTest(words=words):
+                result = self.hedgehop(*words)
+                self.assertEqual(result.returncode, 2)
+                self.assertRegex(result.stderr, f"(?m)^error: unknown verb '{wrong}'$")
+                self.assertRegex(result.stderr, rf"(?m)^hint: did you mean '{right}'\?")
+        for words in ([], ["evaluate"]):
+            self.assertRegex(self.hedgehop(*words).stderr, "(?m)^error: a verb is missing after 'hedgehop")
 
     def test_each_verb_has_a_test_of_its_json(self):
         tested = {"prepare", "plan", "verify", "report", "export", "config", "evaluate", "info", "serve", "request", "replay", "log",
@@ -916,7 +954,8 @@ echo "$serve $request $watch"
         lines = (self.work / "watch.json").read_text().splitlines()
         self.assertTrue(lines)
         for line in lines:
-            self.assertIsInstance(json.loads(line), dict)
+            self.assertEqual(json.loads(line)["schema_version"], 1)
+        self.assertEqual(answer["schema_version"], 1)
 
         info = self.hedgehop("log", "info", log, "--json")
         self.assertEqual(info.returncode, 0, info.stderr)
@@ -957,7 +996,9 @@ class Demo(CliTest):
     def test_leaves_a_verified_plan_a_log_and_pictures(self):
         result = self.hedgehop("demo", "--out", self.work / "demo", "--json", timeout=280)
         self.assertEqual(result.returncode, 0, result.stderr)
-        self.assertTrue(json.loads(result.stdout)["is_verified"])
+        found = json.loads(result.stdout)
+        self.assertEqual(found["schema_version"], 1)
+        self.assertTrue(found["is_verified"])
         demo = self.work / "demo"
         pictures = list((demo / "plan" / "figures").glob("*.png"))
         self.assertTrue(pictures)
