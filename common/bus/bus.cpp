@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/errors.hpp"
+#include "bus/sequence_gaps.hpp"
 #include "bus/transport.hpp"
 #include "messages/message_error.hpp"
 
@@ -20,8 +21,6 @@ namespace {
 
 constexpr double kPollSlice_s = 0.05;
 constexpr std::size_t kChannelBytesMax = 63;
-/// Senders whose numbering is remembered.
-constexpr std::size_t kSendersMax = 4096;
 
 double steady_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -70,7 +69,7 @@ struct Bus::Impl {
   std::vector<std::function<void(const RawMessage&)>> raw_handlers;
   std::vector<std::function<void(const RawMessage&)>> taps;
   std::map<std::string, std::int64_t, std::less<>> last_seq_sent;
-  std::map<std::pair<std::string, std::int64_t>, std::int64_t> last_seq_heard;
+  SequenceGaps gaps;
   BusCounters counters;
   Time message_time;
   double next_note_s = 0.0;
@@ -87,24 +86,6 @@ struct Bus::Impl {
     if (now_s >= next_note_s) {
       next_note_s = now_s + 1.0;
       std::cerr << "bus: " << text << '\n';
-    }
-  }
-
-  void count_gap(const std::string& channel, const messages::Stamp& stamp) {
-    if (last_seq_heard.size() > kSendersMax) {
-      last_seq_heard.clear();
-    }
-    const auto [place, is_first] =
-        last_seq_heard.try_emplace({channel, stamp.sender_id}, stamp.seq);
-    if (is_first) {
-      return;
-    }
-    std::int64_t& last = place->second;
-    if (stamp.seq > last) {
-      counters.gaps += stamp.seq - last - 1;
-      last = stamp.seq;
-    } else if (stamp.seq < last && counters.gaps > 0) {
-      --counters.gaps;  // late, not lost
     }
   }
 
@@ -134,12 +115,15 @@ struct Bus::Impl {
         is_counted = true;
         ++counters.received;
         message_time = std::max(message_time, accepted.stamp.time);
-        count_gap(message.channel, accepted.stamp);
+        gaps.note(message.channel, accepted.stamp);
       }
       accepted.deliver();
     }
     if (!is_counted && !raw_handlers.empty()) {
       ++counters.received;
+      if (const auto stamp = messages::peek_stamp(message.channel, message.bytes)) {
+        gaps.note(message.channel, *stamp);
+      }
     }
   }
 
@@ -262,6 +246,8 @@ BusCounters Bus::counters() const {
   const TransportCounters transport = impl_->transport->counters();
   counters.dropped_packets = transport.dropped_packets;
   counters.bad_packets = transport.bad_packets;
+  counters.gaps = impl_->gaps.missing();
+  counters.gaps_by_sender = impl_->gaps.missing_by_sender();
   return counters;
 }
 

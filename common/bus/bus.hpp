@@ -33,9 +33,10 @@ inline constexpr char kDefaultUrl[] = "udpm://239.255.76.67:7667?ttl=0";
 /// What has gone through a Bus so far.
 struct BusCounters {
   std::int64_t published = 0;
-  std::int64_t received = 0;         // accepted by from_message and handed over
-  std::int64_t rejected = 0;         // refused by from_message
-  std::int64_t gaps = 0;             // numbers missing in the sequences of senders
+  std::int64_t received = 0;  // accepted by from_message and handed over
+  std::int64_t rejected = 0;  // refused by from_message
+  std::int64_t gaps = 0;      // numbers missing in the sequences of senders
+  std::map<std::int64_t, std::int64_t> gaps_by_sender;
   std::int64_t dropped_packets = 0;  // by the kernel or a full queue of ours
   std::int64_t bad_packets = 0;      // no LCM packets at all, or fragments that do not fit together
   std::map<std::string, std::int64_t> rejected_by_channel;

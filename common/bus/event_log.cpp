@@ -20,6 +20,7 @@ constexpr std::uint32_t kChannelBytesMax = 255;
 /// LCM itself sends no more.
 constexpr std::uint32_t kMessageBytesMax = 1U << 28;
 constexpr std::size_t kReadBytes = 1U << 16;
+constexpr std::size_t kDamagesMax = 1000;
 
 std::uint64_t number_at(const std::byte* bytes, int size) {
   std::uint64_t value = 0;
@@ -44,6 +45,7 @@ struct EventLogReader::Impl {
   std::int64_t offset = 0;
   std::int64_t skipped_bytes = 0;
   std::int64_t damage_count = 0;
+  std::vector<Damage> damages;
 
   bool read_at(std::int64_t place, std::byte* into, std::size_t size) {
     if (place < 0 || place + static_cast<std::int64_t>(size) > file_bytes) {
@@ -155,6 +157,9 @@ std::optional<LogEvent> EventLogReader::next() {
     }
     impl.skipped_bytes += place - impl.offset;
     ++impl.damage_count;
+    if (impl.damages.size() < kDamagesMax) {
+      impl.damages.push_back({impl.offset, place - impl.offset, place >= impl.file_bytes});
+    }
     impl.offset = place;
     if (place >= impl.file_bytes) {
       return std::nullopt;
@@ -178,12 +183,16 @@ std::optional<LogEvent> EventLogReader::next() {
 
 std::int64_t EventLogReader::skipped_bytes() const { return impl_->skipped_bytes; }
 std::int64_t EventLogReader::damage_count() const { return impl_->damage_count; }
+const std::vector<EventLogReader::Damage>& EventLogReader::damages() const {
+  return impl_->damages;
+}
 
 struct EventLogWriter::Impl {
   int file = -1;
   std::string name;
   std::int64_t flush_interval_us = 0;
   Bytes pending;
+  std::int64_t pending_count = 0;  // events in it
   std::int64_t event_count = 0;
   std::int64_t byte_count = 0;  // on disk or pending
   std::int64_t written = 0;     // whole events in the file
@@ -201,7 +210,10 @@ struct EventLogWriter::Impl {
       if (size <= 0) {
         const int cause = errno;
         is_failed = true;
+        event_count -= pending_count;
+        byte_count -= static_cast<std::int64_t>(pending.size());
         pending.clear();
+        pending_count = 0;
         if (::ftruncate(file, written) != 0) {
           // The torn event stays at the end; readers get over it.
         }
@@ -212,6 +224,7 @@ struct EventLogWriter::Impl {
     }
     written += static_cast<std::int64_t>(pending.size());
     pending.clear();
+    pending_count = 0;
   }
 };
 
@@ -259,6 +272,7 @@ void EventLogWriter::write(Time receive_time, const std::string& channel, ByteVi
   impl.pending.insert(impl.pending.end(), name.begin(), name.end());
   impl.pending.insert(impl.pending.end(), bytes.begin(), bytes.end());
   ++impl.event_count;
+  ++impl.pending_count;
   impl.byte_count += static_cast<std::int64_t>(impl.pending.size() - before);
   if (!impl.oldest_unsynced) {
     impl.oldest_unsynced = receive_time;
@@ -286,5 +300,6 @@ void EventLogWriter::flush() {
 
 std::int64_t EventLogWriter::event_count() const { return impl_->event_count; }
 std::int64_t EventLogWriter::byte_count() const { return impl_->byte_count; }
+std::int64_t EventLogWriter::written_bytes() const { return impl_->written; }
 
 }  // namespace hedgehop::bus

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/hash.hpp"
 #include "base/time.hpp"
@@ -38,6 +39,13 @@ class EventLogReader {
   /// Bytes that belonged to no event so far, and how many stretches of them.
   [[nodiscard]] std::int64_t skipped_bytes() const;
   [[nodiscard]] std::int64_t damage_count() const;
+  /// The first thousand of these stretches.
+  struct Damage {
+    std::int64_t offset = 0;
+    std::int64_t bytes = 0;
+    bool is_at_end = false;  // nothing comes after it: an event that was cut off, for example
+  };
+  [[nodiscard]] const std::vector<Damage>& damages() const;
 
  private:
   struct Impl;
@@ -54,14 +62,18 @@ class EventLogWriter {
   EventLogWriter(const EventLogWriter&) = delete;
   EventLogWriter& operator=(const EventLogWriter&) = delete;
 
-  /// Throws SystemFailure when the disk is full; the file then ends with a whole event.
+  /// Throws SystemFailure when the disk is full; the file then ends with a whole event, and
+  /// nothing can be written to it any more.
   void write(Time receive_time, const std::string& channel, ByteView bytes);
   /// Flushes and syncs if the oldest unflushed event is older than the interval.
   void flush_if_due(Time now);
   void flush();
 
+  /// In the file or about to be; what was lost when the disk was full does not count.
   [[nodiscard]] std::int64_t event_count() const;
   [[nodiscard]] std::int64_t byte_count() const;
+  /// Of whole events that the file has taken.
+  [[nodiscard]] std::int64_t written_bytes() const;
 
  private:
   struct Impl;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string_view>
 
 #include "messages/blob.hpp"
@@ -51,5 +52,9 @@ inline constexpr std::array<ChannelType, 13> kChannelTypes = {{
     {kLocalHistogramChannel.name, "local_histogram_t"},
     {kServiceStatusChannel.name, "service_status_t"},
 }};
+
+/// Stamp of a message as it came, without looking at the rest of it. None if the message is not of
+/// the type of a channel with this name, or with this name after a prefix.
+std::optional<Stamp> peek_stamp(std::string_view channel, ByteView bytes);
 
 }  // namespace hedgehop::messages

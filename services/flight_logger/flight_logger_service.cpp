@@ -13,6 +13,7 @@ FlightLoggerOptions read_flight_logger_options(ConfigReader reader) {
   FlightLoggerOptions options;
   options.tick_period_s = reader.required_double("tick_period_s");
   options.flush_interval_s = reader.required_double("flush_interval_s");
+  options.part_bytes_max = reader.required_integer("part_bytes_max");
   options.is_completing_blobs = reader.required_bool("is_completing_blobs");
   options.is_overwriting = reader.required_bool("is_overwriting");
   reader.finish();
@@ -20,6 +21,8 @@ FlightLoggerOptions read_flight_logger_options(ConfigReader reader) {
                  "must lie between 0.001 and 1");
   reader.require(options.flush_interval_s >= 0.01 && options.flush_interval_s <= 60.0,
                  "flush_interval_s", "must lie between 0.01 and 60");
+  reader.require(options.part_bytes_max == 0 || options.part_bytes_max >= 65536, "part_bytes_max",
+                 "must be 0 or at least 65536");
   return options;
 }
 
@@ -35,11 +38,12 @@ FlightLoggerService::FlightLoggerService(const FlightLoggerOptions& options,
                                          const std::filesystem::path& file, bus::Bus& bus,
                                          bus::BlobExchange& exchange, bus::ServiceLoop& loop)
     : options_(options),
-      writer_(file, options.is_overwriting, options.flush_interval_s),
+      bus_(bus),
+      log_(file, options.is_overwriting, options.flush_interval_s, options.part_bytes_max),
       exchange_(exchange),
       loop_(loop) {
   bus.subscribe_raw([this](const bus::RawMessage& message) {
-    writer_.write(message.receive_time, std::string(message.channel), message.bytes);
+    log_.write(message.receive_time, std::string(message.channel), message.bytes);
   });
   if (!options.is_completing_blobs) {
     return;
@@ -76,7 +80,7 @@ void FlightLoggerService::complete(const messages::BlobRef& blob, const char* wh
 }
 
 void FlightLoggerService::tick(Time now) {
-  writer_.flush_if_due(now);
+  log_.flush_if_due(now);
   if (assembly_) {
     assembly_->tick();
   }
@@ -84,9 +88,20 @@ void FlightLoggerService::tick(Time now) {
     return;
   }
   next_text_ = now + 1.0;
-  loop_.set_state(messages::ServiceState::kReady,
-                  "recorded " + std::to_string(writer_.event_count()) + " events, " +
-                      std::to_string(writer_.byte_count()) + " bytes");
+  std::string text = "recorded " + std::to_string(log_.event_count()) + " events, " +
+                     std::to_string(log_.byte_count()) + " bytes";
+  if (log_.part_count() > 1) {
+    text += " in " + std::to_string(log_.part_count()) + " files";
+  }
+  if (log_.lost_count() > 0) {
+    text += "; not recorded " + std::to_string(log_.lost_count());
+  }
+  for (const auto& [sender_id, missing] : bus_.counters().gaps_by_sender) {
+    text += "; missed " + std::to_string(missing) + " of sender " + std::to_string(sender_id);
+  }
+  const bool is_failing = !log_.failure().empty();
+  loop_.set_state(is_failing ? messages::ServiceState::kDegraded : messages::ServiceState::kReady,
+                  is_failing ? log_.failure() + "; " + text : text);
 }
 
 }  // namespace hedgehop::services

@@ -964,6 +964,32 @@ echo "$serve $request $watch"
             replayed = self.hedgehop("replay", log, "--stage", stage, "--json")
             self.assertEqual(replayed.returncode, 0, replayed.stdout + replayed.stderr)
             self.assertEqual(json.loads(replayed.stdout)["result"], "equal")
+        self.check_mending(log)
+
+    def check_mending(self, log):
+        """Taken apart, damaged, mended and joined again, the log replays as before."""
+        blobs, rest, damaged, mended, whole = (self.work / f"{name}.lcmlog" for name in ("blobs", "rest", "damaged", "mended", "whole"))
+        names = json.loads(self.hedgehop("log", "info", log, "--json").stdout)["channels"]
+        self.assertIn("CHUNK", names)
+        others = [argument for name in names if name != "CHUNK" for argument in ("--channel", name)]
+        for out, channels in ((blobs, ["--channel", "CHUNK"]), (rest, others)):
+            cut = self.hedgehop("log", "cut", log, *channels, "--out", out, "--json")
+            self.assertEqual(cut.returncode, 0, cut.stderr)
+        self.assertEqual(json.loads(self.hedgehop("log", "info", rest, "--json").stdout)["channels"],
+                         {name: count for name, count in names.items() if name != "CHUNK"})
+        damaged.write_bytes(b"no event of a log" + rest.read_bytes())
+        check = self.hedgehop("log", "check", damaged, "--json")
+        self.assertEqual(check.returncode, 5, check.stderr)
+        self.assertEqual(json.loads(check.stdout)["damages"], [{"offset_bytes": 0, "bytes": 17, "is_at_end": False}])
+        self.assertEqual(self.hedgehop("log", "repair", damaged, "--out", mended).returncode, 0)
+        self.assertEqual(mended.read_bytes(), rest.read_bytes())
+        self.assertEqual(self.hedgehop("log", "check", mended).returncode, 0)
+        self.assertEqual(self.hedgehop("log", "repair", damaged, "--out", mended).returncode, 2)  # it exists
+        joined = self.hedgehop("log", "cut", blobs, mended, "--out", whole)
+        self.assertEqual(joined.returncode, 0, joined.stderr)
+        replayed = self.hedgehop("replay", whole, "--stage", "local", "--json")
+        self.assertEqual(replayed.returncode, 0, replayed.stdout + replayed.stderr)
+        self.assertEqual(json.loads(replayed.stdout)["result"], "equal")
 
     def test_request_that_nobody_answers_says_so(self):
         script = '"$1" request --start "$2" --goal "$3" --out nowhere --timeout-s 1'
