@@ -127,8 +127,10 @@ ExitCode run(const Console& console, const ExportArguments& arguments) {
     request.map = &map;
     request.map_folder = arguments.map;
   }
+  bool has_legs = false;
   for (const output::ExportFormat format : formats) {
     const output::ExportFormatEntry& entry = output::entry_of(format);
+    has_legs = has_legs || entry.needs_map;
     if (entry.needs_map && request.map == nullptr) {
       throw UsageError(std::string("format ") + entry.name +
                            " needs the map: straight legs between its few waypoints are checked "
@@ -136,11 +138,12 @@ ExitCode run(const Console& console, const ExportArguments& arguments) {
                        "add --map with the map bundle that the plan was made on");
     }
   }
-  request.clearance_m = arguments.clearance_m > 0.0
-                            ? arguments.clearance_m
-                            : planning::read_planning_config(plan.route_plan.config_text,
-                                                             arguments.plan + "/plan.json: config")
-                                  .demands.required_clearance_m;
+  request.clearance_m = arguments.clearance_m;
+  if (has_legs && request.clearance_m <= 0.0) {
+    request.clearance_m = planning::read_planning_config(plan.route_plan.config_text,
+                                                         arguments.plan + "/plan.json: config")
+                              .demands.required_clearance_m;
+  }
 
   std::vector<output::ExportedFile> files;
   files.reserve(formats.size());

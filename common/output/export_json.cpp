@@ -1,4 +1,4 @@
-// Formats that are JSON: GeoJSON, CZML and the plans of QGroundControl.
+// Formats that are or hold JSON: GeoJSON, CZML, the plans of QGroundControl, MCAP.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,6 +7,8 @@
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
 #include "output/export_writers.hpp"
+#include "output/mcap_file.hpp"
+#include "output/trajectory_columns.hpp"
 #include "output/utc_time.hpp"
 
 namespace hedgehop::output {
@@ -273,6 +275,99 @@ std::string qgc_plan_text(const WaypointList& list) {
   json["rallyPoints"] = {{"points", Json::array()}, {"version", 2}};
   json["version"] = 1;
   return dumped(json);
+}
+
+std::string mcap_bytes(const flight::Plan& plan, Places& places, const ExportRequest& request,
+                       const ExportOptions& options) {
+  const auto compact = [](const Json& json) {
+    return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  };
+  const auto object = [](Json properties) {
+    return Json{{"type", "object"}, {"properties", std::move(properties)}};
+  };
+  const Json number = {{"type", "number"}};
+  const Json text = {{"type", "string"}};
+  const Json timestamp = object({{"sec", {{"type", "integer"}}}, {"nsec", {{"type", "integer"}}}});
+
+  McapFile file("hedgehop");
+  Json columns;
+  for (const TrajectoryColumn& column : kTrajectoryColumns) {
+    columns[column.name] = {{"type", {"number", "null"}}};
+  }
+  const auto state_channel =
+      file.add_channel("/flight/state", "hedgehop.FlightState", compact(object(columns)));
+  const auto location_channel = file.add_channel(
+      "/flight/location", "foxglove.LocationFix",
+      compact(object({{"timestamp", timestamp},
+                      {"frame_id", text},
+                      {"latitude", number},
+                      {"longitude", number},
+                      {"altitude", number},
+                      {"position_covariance",
+                       {{"type", "array"}, {"items", number}, {"minItems", 9}, {"maxItems", 9}}},
+                      {"position_covariance_type", {{"type", "integer"}}}})));
+  const auto route_channel =
+      file.add_channel("/flight/route", "foxglove.GeoJSON", compact(object({{"geojson", text}})));
+
+  McapFile::Entries about = {{"request_id", plan.route_plan.request_id.hex()},
+                             {"map_hash", plan.route_plan.map.hash.hex()},
+                             {"vertical_datum_of_altitude_m", plan.route_plan.map.vertical_datum},
+                             {"altitude_of_location", entry_of(ExportFormat::kMcap).heights},
+                             {"is_verified", plan.verdict.is_verified ? "true" : "false"}};
+  const std::vector<std::string> lines = product_lines(plan);
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    // Through JSON and back, so that it is UTF-8 whatever the map's files held.
+    about.emplace_back("line_" + std::to_string(i),
+                       Json::parse(compact(lines[i])).get<std::string>());
+  }
+  file.add_metadata("hedgehop", about);
+
+  const std::int64_t start_us = request.start_time.value_or(Time{0}).utime_us;
+  const auto time_ns = [&](double time_s) {
+    return static_cast<std::uint64_t>(start_us * 1000 +
+                                      static_cast<std::int64_t>(std::round(time_s * 1e9)));
+  };
+  Json route = Json::array();
+  for (const flight::Waypoint& waypoint : plan.route_plan.route.waypoints) {
+    const Places::Degrees p = places.degrees(waypoint.point());
+    route.push_back({p.longitude_deg, p.latitude_deg,
+                     places.ellipsoid_m(waypoint.point(), waypoint.altitude_m)});
+  }
+  const Json feature = {{"type", "Feature"},
+                        {"properties", {{"name", "Planned route"}}},
+                        {"geometry", {{"type", "LineString"}, {"coordinates", std::move(route)}}}};
+  file.add_message(route_channel, time_ns(0.0), compact({{"geojson", compact(feature)}}));
+
+  double next_location_s = 0.0;
+  const double last_s = plan.trajectory.states.back().time_s;
+  for (const flight::FlightState& state : plan.trajectory.states) {
+    const std::uint64_t now_ns = time_ns(state.time_s);
+    const Places::Degrees p = places.degrees(state.point());
+    Json values;
+    for (const TrajectoryColumn& column : kTrajectoryColumns) {
+      values[column.name] = column.member != nullptr ? Json(state.*column.member) : Json();
+    }
+    values["latitude_deg"] = p.latitude_deg;
+    values["longitude_deg"] = p.longitude_deg;
+    values["height_above_surface_m"] = state.altitude_m - state.surface_m;
+    values["heading_grid_rad"] =
+        grid_from_true_azimuth_rad(state.heading_true_rad, state.convergence_rad);
+    file.add_message(state_channel, now_ns, compact(values));
+    if (state.time_s >= next_location_s - 1e-9 || state.time_s == last_s) {
+      next_location_s = state.time_s + options.track_step_s;
+      file.add_message(
+          location_channel, now_ns,
+          compact(
+              {{"timestamp", {{"sec", now_ns / 1'000'000'000}, {"nsec", now_ns % 1'000'000'000}}},
+               {"frame_id", "aircraft"},
+               {"latitude", p.latitude_deg},
+               {"longitude", p.longitude_deg},
+               {"altitude", places.ellipsoid_m(state.point(), state.altitude_m)},
+               {"position_covariance", Json::array({0, 0, 0, 0, 0, 0, 0, 0, 0})},
+               {"position_covariance_type", 0}}));
+    }
+  }
+  return file.finish();
 }
 
 }  // namespace hedgehop::output

@@ -77,6 +77,11 @@ std::string geojson_text(const flight::Plan& plan, Places& places, const ExportR
 std::string czml_text(const flight::Plan& plan, Places& places, const ExportRequest& request,
                       const ExportOptions& options);
 
+/// A recording with the channels /flight/state (every state), /flight/location
+/// (foxglove.LocationFix) and /flight/route (foxglove.GeoJSON).
+std::string mcap_bytes(const flight::Plan& plan, Places& places, const ExportRequest& request,
+                       const ExportOptions& options);
+
 /// A zip archive that holds `text` as doc.kml.
 std::string kmz_bytes(const std::string& text);
 /// Throws DataError for a layer of the map that cannot be read.

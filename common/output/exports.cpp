@@ -62,6 +62,7 @@ const std::vector<ExportFormatEntry>& export_formats() {
       {ExportFormat::kQgcPlan, "qgc", ".plan", kAmsl, true},
       {ExportFormat::kWaypoints, "waypoints", ".waypoints", kAmsl, true},
       {ExportFormat::kCzml, "czml", ".czml", kEllipsoid, false},
+      {ExportFormat::kMcap, "mcap", ".mcap", kEllipsoid, false},
   };
   return entries;
 }
@@ -254,6 +255,13 @@ ExportedFile export_plan(const flight::Plan& plan, ExportFormat format,
         file.remarks.emplace_back(
             "CZML knows no flight without a date: it begins at 2000-01-01T00:00:00Z; --start-time "
             "sets another");
+      }
+      break;
+    case ExportFormat::kMcap:
+      file.content = mcap_bytes(plan, places, request, options);
+      if (!request.start_time) {
+        file.remarks.emplace_back(
+            "without --start-time the times of the recording count from the start of the flight");
       }
       break;
     case ExportFormat::kQgcPlan:

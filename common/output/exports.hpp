@@ -25,6 +25,7 @@ enum class ExportFormat : std::uint8_t {
   kQgcPlan,
   kWaypoints,
   kCzml,
+  kMcap,
 };
 
 /// A format as people name it, and what it holds.
@@ -69,8 +70,8 @@ struct ExportedFile {
 ///
 /// Heights are converted with PROJ's geoid grids to what each format means: above mean sea level
 /// (EGM96) in KML, KMZ, GPX, `.plan` and waypoint lists; above the WGS 84 ellipsoid in GeoJSON
-/// (RFC 7946) and CZML; the map's own vertical datum in GeoPackage, whose coordinate system says
-/// so, and CSV. Angles and speeds as in trajectory.csv. Positions are rounded to 1 mm or less.
+/// (RFC 7946), CZML and MCAP; the map's own vertical datum in GeoPackage, whose coordinate system
+/// says so, and CSV. Angles and speeds as in trajectory.csv. Positions are rounded to 1 mm or less.
 ///
 /// @throws DataError  the map has no coordinate system, a geoid grid is missing.
 /// @throws UserError  exit code 4: see straight_legs().

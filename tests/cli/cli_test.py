@@ -21,6 +21,7 @@ import sys
 import tempfile
 import unittest
 
+import mcap_reader
 import synthetic_inputs as inputs
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -677,11 +678,11 @@ class Json(CliTest):
 
     def test_export(self):
         found = self.one_object("export", self.plan, "--map", self.map, "--format", "kml,kmz,geojson,gpkg,gpx,csv,qgc",
-                                "--format", "waypoints,czml", "--start-time", "2026-05-01T06:30Z", "--out", self.work / "out")
+                                "--format", "waypoints,czml,mcap", "--start-time", "2026-05-01T06:30Z", "--out", self.work / "out")
         self.assertEqual([(file["format"], pathlib.Path(file["file"]).name) for file in found["files"]],
                          [(name, "flight." + suffix) for name, suffix in
                           (("kml", "kml"), ("kmz", "kmz"), ("geojson", "geojson"), ("gpkg", "gpkg"), ("gpx", "gpx"), ("csv", "csv"),
-                           ("qgc", "plan"), ("waypoints", "waypoints"), ("czml", "czml"))])
+                           ("qgc", "plan"), ("waypoints", "waypoints"), ("czml", "czml"), ("mcap", "mcap"))])
         for file in found["files"]:
             self.assertEqual(pathlib.Path(file["file"]).stat().st_size, file["bytes"])
             self.assertEqual("legs" in file, file["format"] in ("qgc", "waypoints"))
@@ -696,6 +697,48 @@ class Json(CliTest):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("EGM96", result.stdout)
         self.assertTrue((self.work / "mine.gpx").read_text().startswith("<?xml"))
+
+    def test_export_of_a_recording_that_another_reader_accepts(self):
+        self.one_object("export", self.plan, "--format", "mcap", "--start-time", "2026-05-01T06:30Z", "--out", self.work / "f.mcap")
+        data = (self.work / "f.mcap").read_bytes()
+        found = mcap_reader.read(data)
+        self.assertGreaterEqual(found["chunks"], 2)
+        topics = {channel["topic"]: number for number, channel in found["channels"].items()}
+        self.assertEqual(sorted(topics), ["/flight/location", "/flight/route", "/flight/state"])
+        names = {topic: found["schemas"][found["channels"][number]["schema"]] for topic, number in topics.items()}
+        self.assertEqual(names["/flight/location"]["name"], "foxglove.LocationFix")
+        self.assertEqual(names["/flight/route"]["name"], "foxglove.GeoJSON")
+        by_topic = {topic: [message for message in found["messages"] if message["channel"] == number]
+                    for topic, number in topics.items()}
+        lines = (self.plan / "trajectory.csv").read_text().splitlines()
+        columns = lines[0].split(",")
+        states = by_topic["/flight/state"]
+        self.assertEqual(len(states), len(lines) - 1)
+        start_ns = 1777617000 * 10**9  # 2026-05-01T06:30Z
+        properties = json.loads(names["/flight/state"]["data"])["properties"]
+        self.assertEqual(list(properties), columns)
+        for i in (0, 1, len(states) // 2, len(states) - 1):
+            values, wanted = json.loads(states[i]["data"]), dict(zip(columns, map(float, lines[i + 1].split(","))))
+            self.assertEqual(states[i]["sequence"], i)
+            self.assertEqual(states[i]["log_time"], start_ns + round(wanted["time_s"] * 1e9))
+            for name in columns:
+                self.assertAlmostEqual(values[name], wanted[name], places=8, msg=name)
+        location = json.loads(by_topic["/flight/location"][61]["data"])
+        self.assertEqual(location["timestamp"], {"sec": 1777617061, "nsec": 0})
+        state = json.loads(states[20 * 61]["data"])
+        self.assertEqual((location["latitude"], location["longitude"]), (state["latitude_deg"], state["longitude_deg"]))
+        # the geoid lies 46 to 48 m above the ellipsoid there
+        self.assertAlmostEqual(location["altitude"] - state["altitude_m"], 47.0, delta=1.5)
+        route = json.loads(json.loads(by_topic["/flight/route"][0]["data"])["geojson"])
+        self.assertEqual(len(route["geometry"]["coordinates"]),
+                         len(json.loads((self.plan / "plan.json").read_text())["route"]["waypoints"]))
+        self.assertIn(found["metadata"]["hedgehop"]["is_verified"], ("true", "false"))
+        # and the reader does find faults
+        for at in (100, len(data) // 2, len(data) - 60):
+            damaged = bytearray(data)
+            damaged[at] ^= 1
+            with self.assertRaises((ValueError, KeyError, OverflowError)):
+                mcap_reader.read(bytes(damaged))
 
     def test_config(self):
         shipped = self.one_object("config", "list")["shipped"]
