@@ -12,9 +12,11 @@
 #include "evaluate_local.hpp"
 #include "evaluate_optimality.hpp"
 #include "evaluate_speed.hpp"
+#include "evaluate_verifier.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "evaluation/verifier_evaluation.hpp"
 #include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
 #include "preparation/prepare.hpp"
@@ -42,6 +44,7 @@ struct EvaluationConfig {
   evaluation::RandomOptions random;
   evaluation::ProtectionOptions protection;
   evaluation::OptimalityConfig optimality;
+  evaluation::VerifierOptions verifier;
 };
 
 EvaluationConfig evaluation_config() {
@@ -55,6 +58,8 @@ EvaluationConfig evaluation_config() {
   read_local_evaluation_config(reader);
   ConfigReader optimality = reader.required_section("optimality");
   config.optimality = evaluation::read_optimality_config(optimality);
+  ConfigReader verifier = reader.required_section("verifier");
+  config.verifier = evaluation::read_verifier_options(verifier);
   reader.finish();
   return config;
 }
@@ -187,11 +192,13 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       "  hedgehop evaluate table2 --map map --routes routes --json\n"
       "  hedgehop evaluate local-safety --map map --routes routes --json\n"
       "  hedgehop evaluate local-speed --json\n"
-      "  hedgehop evaluate optimality --map map --problems 5 --json");
+      "  hedgehop evaluate optimality --map map --problems 5 --json\n"
+      "  hedgehop evaluate verifier --map map --plans 100 --json");
   add_protection_verb(*verb, console);
   add_local_evaluation_verbs(*verb, console);
   add_optimality_verb(*verb, console);
   add_local_speed_verb(*verb, console);
+  add_verifier_verb(*verb, console);
 
   auto* random = verb->add_subcommand(
       "random", "Plan problems with random start and goal, with the weights and with zero weights");

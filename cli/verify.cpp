@@ -4,6 +4,7 @@
 #include "base/files.hpp"
 #include "map/map_bundle.hpp"
 #include "output/plan_bundle.hpp"
+#include "uncertainty_arguments.hpp"
 #include "verbs.hpp"
 #include "verification/plan_check.hpp"
 #include "verify_report.hpp"
@@ -19,15 +20,25 @@ void add_verify_verb(CLI::App& app, Console& console) {
       "the states obey their own kinematics; start, goal and via points; and whether the costs, "
       "measures and columns in the files are true. Says how much is to spare and what comes "
       "nearest. Exit code 0: verified, 4: not.\n"
-      "Example:\n"
-      "  hedgehop verify plan --map map");
+      "With --dem-error-m or --navigation-error-m errors of that standard deviation are drawn "
+      "along "
+      "the flight (config/uncertainty.yaml says how they go together), and the probability of a "
+      "clearance below the demand is told with its interval; it decides nothing.\n"
+      "Examples:\n"
+      "  hedgehop verify plan --map map\n"
+      "  hedgehop verify plan --map map --dem-error-m 4 --navigation-error-m 2 --json");
   struct Arguments {
     std::string plan, map;
+    UncertaintyArguments uncertainty;
   };
   auto arguments = std::make_shared<Arguments>();
   verb->add_option("plan", arguments->plan, "Plan bundle, a folder made by `hedgehop plan`")
       ->required();
   verb->add_option("--map", arguments->map, "The map bundle that it was planned on")->required();
+  arguments->uncertainty.add_to(*verb);
+  verb->add_option("--clearance-m", arguments->uncertainty.clearance_m,
+                   "Clearance that counts as violated below (default: that which the plan demands)")
+      ->check(CLI::Range(0.0, 1000.0));
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {
     console.action = [&console, arguments] {
@@ -42,7 +53,8 @@ void add_verify_verb(CLI::App& app, Console& console) {
       const std::string folder = arguments->plan;
       const verification::PlanCheck check = verification::check_plan(
           map, plan, read_file(std::filesystem::path(folder) / output::kTrajectoryFile));
-      return report_check(console, folder, map, plan, check);
+      return report_check(console, folder, map, plan, check,
+                          arguments->uncertainty.risk_of(console, map, plan));
     };
   });
 }

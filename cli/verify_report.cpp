@@ -126,8 +126,45 @@ Json json_of(const verification::Margins& margins, const Places& places) {
   return json;
 }
 
+Json json_of(const evaluation::ClearanceRisk& risk, const Places& places) {
+  return {{"dem_error_m", risk.errors.dem_m},
+          {"navigation_error_m", risk.errors.navigation_m},
+          {"seed", risk.seed},
+          {"clearance_m", risk.clearance_m},
+          {"draws", risk.draws},
+          {"nodes", risk.nodes},
+          {"violations", risk.violations},
+          {"probability", risk.probability},
+          {"probability_low", risk.low},
+          {"probability_high", risk.high},
+          {"confidence", risk.confidence},
+          {"least_clearance_m",
+           {{"p01", risk.clearance_p01_m},
+            {"p05", risk.clearance_p05_m},
+            {"median", risk.clearance_median_m}}},
+          {"worst", places.at(risk.worst_time_s, risk.worst_place).json()}};
+}
+
+void print_text(const evaluation::ClearanceRisk& risk, const Places& places) {
+  std::printf("errors        surface %.1f m, position %.1f m (standard deviations), %lld draws\n",
+              risk.errors.dem_m, risk.errors.navigation_m, static_cast<long long>(risk.draws));
+  std::printf(
+      "risk          clearance below %.1f m with probability %.4f (%.4f to %.4f, %.0f %% "
+      "confidence)\n",
+      risk.clearance_m, risk.probability, risk.low, risk.high, 100.0 * risk.confidence);
+  std::printf(
+      "              least clearance %.1f m in 1 %%, %.1f m in 5 %%, %.1f m in half of the "
+      "draws\n",
+      risk.clearance_p01_m, risk.clearance_p05_m, risk.clearance_median_m);
+  if (risk.violations > 0) {
+    std::printf("              most often %s\n",
+                places.at(risk.worst_time_s, risk.worst_place).text().c_str());
+  }
+}
+
 void print_json(const std::string& folder, const flight::Plan& plan,
-                const verification::PlanCheck& check, const Places& places) {
+                const verification::PlanCheck& check,
+                const std::optional<evaluation::ClearanceRisk>& risk, const Places& places) {
   const flight::Verdict& verdict = check.verdict;
   Json json;
   json["schema_version"] = 1;
@@ -150,6 +187,9 @@ void print_json(const std::string& folder, const flight::Plan& plan,
   json["clearance_min_m"] = verdict.clearance_min_m;
   json["share_under_ceiling"] = verdict.share_under_ceiling;
   json["margins"] = json_of(check.margins, places);
+  if (risk) {
+    json["uncertainty"] = json_of(*risk, places);
+  }
   std::printf("%s\n", json.dump(2, ' ', false, Json::error_handler_t::replace).c_str());
 }
 
@@ -194,12 +234,16 @@ void print_text(const std::string& folder, const flight::Plan& plan,
 }  // namespace
 
 ExitCode report_check(const Console& console, const std::string& folder, const map::Map& map,
-                      const flight::Plan& plan, const verification::PlanCheck& check) {
+                      const flight::Plan& plan, const verification::PlanCheck& check,
+                      const std::optional<evaluation::ClearanceRisk>& risk) {
   const Places places(map, plan.trajectory);
   if (console.is_json) {
-    print_json(folder, plan, check, places);
+    print_json(folder, plan, check, risk, places);
   } else {
     print_text(folder, plan, check, places);
+    if (risk) {
+      print_text(*risk, places);
+    }
   }
   const flight::Verdict& verdict = check.verdict;
   if (verdict.is_verified) {

@@ -672,6 +672,14 @@ class Json(CliTest):
         self.assertEqual(margins["clearance_m"]["min"], verified["clearance_min_m"])
         self.assertLessEqual(margins["clearance_m"]["p05"], margins["clearance_m"]["median"])
         self.assertIn(margins["nearest_miss"]["hazard"], ("ground", "wire", "obstacle", "area"))
+        self.assertNotIn("uncertainty", verified)
+        risk = self.one_object("verify", self.work / "plan", "--map", self.map, "--dem-error-m", "4", "--navigation-error-m", "2",
+                               "--draws", "200", allowed=(0, 4))["uncertainty"]
+        self.assertEqual(risk["draws"], 200)
+        self.assertEqual(risk["clearance_m"], 10.0)
+        self.assertLessEqual(risk["probability_low"], risk["probability"])
+        self.assertLessEqual(risk["probability"], risk["probability_high"])
+        self.assertLess(risk["least_clearance_m"]["p05"], margins["clearance_m"]["min"])
         # start and goal lie 8.82 km apart; a route is never shorter than that, less the goal's radius
         self.assertGreater(plan["length_m"], 8700.0)
         self.one_object("report", self.work / "plan", "--map", self.map)
@@ -777,6 +785,14 @@ class Json(CliTest):
             self.assertEqual((row["flights"], row["seed"]), (1, 5))
             self.assertLessEqual(row["collisions"], row["reached"])
         self.assertLess(safety["rows"][1]["mean_height_m"], safety["rows"][0]["mean_height_m"])
+    def test_evaluate_verifier(self):
+        found = self.one_object("evaluate", "verifier", "--map", self.map, "--plans", "2", "--seed", "5")
+        self.assertEqual(found["seed"], 5)
+        self.assertEqual(found["plans"] + found["no_plan"], 2)
+        self.assertEqual(found["judgements"], 2 * found["plans"])
+        self.assertEqual(found["false_alarms"], found["false_alarms_between_samples"])
+        self.assertEqual(found["accepted_wrongly"], 0)
+
     def test_evaluate_optimality(self):
         area = self.work / "area"
         result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)

@@ -18,10 +18,12 @@
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
 #include "command_model/command_model.hpp"
+#include "evaluation/clearance_risk.hpp"
 #include "evaluation/local_flights.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "evaluation/verifier_evaluation.hpp"
 #include "map_sources/vector_mapping.hpp"
 #include "output/exports.hpp"
 #include "planning/planning.hpp"
@@ -67,7 +69,14 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_local_safety_options(safety);
   ConfigReader optimality = reader.required_section("optimality");
   evaluation::read_optimality_config(optimality);
+  ConfigReader verifier = reader.required_section("verifier");
+  evaluation::read_verifier_options(verifier);
   reader.finish();
+}
+
+void read_uncertainty_file(const std::string& text, const std::string& name) {
+  ConfigReader reader = ConfigReader::from_text(text, name);
+  evaluation::read_uncertainty_options(reader);
 }
 
 void read_export_file(const std::string& text, const std::string& name) {
@@ -105,6 +114,7 @@ const Guarded* guarded(const std::string& file) {
       {"prepare.yaml", {read_prepare_file, {}}},
       {"evaluation.yaml", {read_evaluation_file, {}}},
       {"export.yaml", {read_export_file, {}}},
+      {"uncertainty.yaml", {read_uncertainty_file, {}}},
       {"map_tiler.yaml", {read_whole(services::read_map_tiler_options), {}}},
       {"global_planner.yaml", {read_whole(services::read_planner_options), {}}},
       {"local_planner.yaml", {read_whole(services::read_planner_options), {}}},

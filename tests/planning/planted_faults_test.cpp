@@ -565,17 +565,19 @@ TEST(PlantedFaults, EachIsFoundUnderItsRuleAndThePlanWithoutThemIsClean) {
   RecordProperty("faults", static_cast<int>(faults.size()));
 }
 
-TEST(PlantedFaults, CostsOfARealPlanAgreeFarWithinTheTolerance) {
+TEST(PlantedFaults, CostsOfARealPlanScatterNoMoreThanStepsOfAMetreMakeThem) {
   const Case planned = planned_case();
   const verification::CostRules rules =
       verification::read_cost_rules(planned.plan.route_plan.config_text, "test");
   verification::PathSums sums(planned.map, rules);
   const flight::Route& route = planned.plan.route_plan.route;
-  const flight::RouteCost cost = sums.route_cost(route.waypoints);
+  const auto [cost, deviation] = sums.route_cost(route.waypoints);
   EXPECT_NEAR(cost.length_m, route.cost.length_m, 1e-6 * cost.length_m);
-  EXPECT_NEAR(cost.visibility_m, route.cost.visibility_m, 1e-3 * cost.visibility_m);
-  EXPECT_NEAR(cost.semantics_m, route.cost.semantics_m, 1e-3 * cost.semantics_m);
-  EXPECT_NEAR(cost.height_m, route.cost.height_m, 1e-3 * cost.height_m);
+  EXPECT_NEAR(cost.visibility_m, route.cost.visibility_m, 5.0 * deviation.visibility_m);
+  EXPECT_NEAR(cost.semantics_m, route.cost.semantics_m, 5.0 * deviation.semantics_m);
+  EXPECT_NEAR(cost.height_m, route.cost.height_m, 1e-4 * cost.height_m);
+  EXPECT_LT(deviation.visibility_m, 1e-3 * cost.visibility_m);
+  EXPECT_LT(deviation.semantics_m, 1e-3 * cost.semantics_m);
 }
 
 TEST(PlantedFaults, DarkPatchesAreFoundSmallByTheirDefinitionAsByTheMorphology) {
