@@ -17,6 +17,7 @@ struct ServeArguments {
   BusArguments bus;
   std::string map;
   std::string log;
+  bool is_lockstep = false;
 };
 
 // "hedgehop-20260131T120000Z.lcmlog"
@@ -35,6 +36,7 @@ ExitCode run(const Console& console, const ServeArguments& arguments) {
   setup.map = arguments.map;
   setup.log = arguments.log.empty() ? default_log_name() : arguments.log;
   setup.threads = console.threads;
+  setup.is_lockstep = arguments.is_lockstep;
   map::read_map_manifest(setup.map);  // says at once when there is no map
   if (std::filesystem::exists(setup.log)) {
     throw UsageError("log " + setup.log.string() + " exists", "name another file with --log");
@@ -75,6 +77,8 @@ void add_serve_verb(CLI::App& app, Console& console) {
       ->required();
   verb->add_option("--log", arguments->log,
                    "LCM log to write (default: hedgehop-<UTC time>.lcmlog in this folder)");
+  verb->add_flag("--lockstep", arguments->is_lockstep,
+                 "Let local_planner fly the model of command_model, step by step; same trajectory");
   arguments->bus.add_to(*verb);
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {

@@ -76,7 +76,11 @@ ServiceChildren::ServiceChildren(const Console& console, bus::Bus& bus, const Se
   add(kLogger, {"--out", setup.log.string()});
   add("map_tiler", {"--map", setup.map.string()});
   add("global_planner", threads);
-  add("local_planner", threads);
+  std::vector<std::string> local_options = threads;
+  if (setup.is_lockstep) {
+    local_options.emplace_back("--lockstep");
+  }
+  add("local_planner", local_options);
   add("command_model", {});
 
   bus.subscribe<messages::ServiceStatus>(

@@ -17,7 +17,8 @@ struct ServiceSetup {
   bus::BusOptions bus;
   std::filesystem::path map;
   std::filesystem::path log;
-  int threads = 0;  // of the planners; 0: all cores
+  int threads = 0;           // of the planners; 0: all cores
+  bool is_lockstep = false;  // local_planner flies the model of command_model
 };
 
 /// The five services as children of this process: started, watched, started again when they crash,

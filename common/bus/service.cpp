@@ -65,7 +65,8 @@ std::optional<ServiceArguments> parse_service_arguments(int argc, const char* co
     if (name == "--help" || name == "-h") {
       std::cout << service_name << ": " << purpose << "\n\nOptions:\n";
       for (const ServiceOption& option : all) {
-        std::cout << "  " << option.name << ' ' << option.value_name << "\n      " << option.help
+        std::cout << "  " << option.name << (option.value_name.empty() ? "" : " ")
+                  << option.value_name << "\n      " << option.help
                   << (option.is_required ? " (required)" : "") << '\n';
       }
       std::cout << "  --check\n      load and validate everything, print ok, stop\n"
@@ -95,6 +96,12 @@ std::optional<ServiceArguments> parse_service_arguments(int argc, const char* co
       const std::optional<std::string> nearest = nearest_word(name, names);
       throw UsageError("unknown option '" + name + "'",
                        nearest ? "did you mean " + *nearest + "?" : hint);
+    }
+    if (known->value_name.empty()) {
+      if (value) {
+        throw UsageError(name + " takes no value", hint);
+      }
+      value = "yes";
     }
     if (!value) {
       if (i + 1 >= argc) {

@@ -29,10 +29,10 @@ class StopObserver : public Observer {
   [[nodiscard]] bool stop_requested() const override { return bus::stop_requested(); }
 };
 
-/// An option of one service besides the common ones; every one takes a value.
+/// An option of one service besides the common ones.
 struct ServiceOption {
-  std::string name;  // "--map"
-  std::string value_name;
+  std::string name;        // "--map"
+  std::string value_name;  // empty: a flag, whose value is "yes" when it is given
   std::string help;
   bool is_required = false;
 };

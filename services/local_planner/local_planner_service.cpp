@@ -9,10 +9,14 @@ namespace hedgehop::services {
 using messages::Stamp;
 
 LocalPlannerService::LocalPlannerService(const PlannerOptions& options, bus::Bus& bus,
-                                         bus::BlobExchange& exchange, bus::ServiceLoop& loop)
+                                         bus::BlobExchange& exchange, bus::ServiceLoop& loop,
+                                         bool is_lockstep)
     : bus_(bus),
       exchange_(exchange),
       desk_(options, messages::PlanStage::kLocal, bus, exchange, loop) {
+  if (is_lockstep) {
+    lockstep_.emplace(bus, desk_);
+  }
   bus.subscribe<messages::MapIndex>(
       messages::kMapIndexChannel,
       [this](const messages::MapIndex& index, const Stamp&) { desk_.receive(index); });
@@ -41,7 +45,14 @@ std::variant<Answer, flight::NoPlan> LocalPlannerService::plan(const messages::R
   }
   const planning::PlanningConfig config =
       planning::read_planning_config(route_plan.config_text, "config of the route");
-  auto result = planning::plan_flight(map, route_plan, config, {}, observer);
+  local_planning::StepModel step_model;
+  if (lockstep_) {
+    step_model = [&](const command_model::ModelState& state, const command_model::Command& command,
+                     double step_s) {
+      return lockstep_->step(route.request_id, state, command, step_s, observer);
+    };
+  }
+  auto result = planning::plan_flight(map, route_plan, config, step_model, observer);
   if (auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
     return std::move(*no_plan);
   }

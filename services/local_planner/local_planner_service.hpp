@@ -1,19 +1,23 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <variant>
 
+#include "lockstep_model.hpp"
 #include "messages/plan_messages.hpp"
 #include "services/shared/planner_desk.hpp"
 
 namespace hedgehop::services {
 
 /// Turns ROUTE into TRAJECTORY with planning::plan_flight, on the map that is on the bus. The
-/// route's blob holds request and config, so that a map and a route are all it needs.
+/// route's blob holds request and config, so that a map and a route are all it needs. In lockstep
+/// the command model that is on the bus is flown instead of one in this process; the trajectory is
+/// the same.
 class LocalPlannerService {
  public:
   LocalPlannerService(const PlannerOptions& options, bus::Bus& bus, bus::BlobExchange& exchange,
-                      bus::ServiceLoop& loop);
+                      bus::ServiceLoop& loop, bool is_lockstep = false);
 
   void tick(Time now) { desk_.tick(now); }
   [[nodiscard]] std::string unanswered() const { return desk_.unanswered(); }
@@ -26,6 +30,7 @@ class LocalPlannerService {
   bus::Bus& bus_;
   bus::BlobExchange& exchange_;
   PlannerDesk desk_;
+  std::optional<LockstepModel> lockstep_;
 };
 
 }  // namespace hedgehop::services

@@ -9,7 +9,8 @@ int main(int argc, char** argv) {
   return bus::run_main("local_planner", [&] {
     const auto arguments = bus::parse_service_arguments(
         argc, argv, "hedgehop-local-planner", "Flies the command model along routes from the bus",
-        {services::threads_option()});
+        {services::threads_option(),
+         {"--lockstep", "", "Fly the command model of the service command_model, step by step"}});
     if (!arguments) {
       return 0;
     }
@@ -23,7 +24,8 @@ int main(int argc, char** argv) {
     bus::Bus bus(arguments->bus);
     bus::BlobExchange exchange({}, bus);
     bus::ServiceLoop loop(bus, exchange, "local_planner", config.hash());
-    services::LocalPlannerService service(options, bus, exchange, loop);
+    services::LocalPlannerService service(options, bus, exchange, loop,
+                                          !arguments->value("--lockstep").empty());
     loop.run(options.tick_period_s, [&](Time now) { service.tick(now); });
     return 0;
   });

@@ -93,7 +93,7 @@ class PlannerDesk::WorkingObserver final : public Observer {
     desk_.loop_.turn(0.0, [this](Time time) {
       if (desk_.stage_ == messages::PlanStage::kLocal) {  // it has no work units of its own
         const std::lock_guard lock(mutex_);
-        job_.status.text = stage_;
+        job_.status.text = desk_.held_up_.empty() ? stage_ : desk_.held_up_;
         job_.status.work_units = std::llround(1000.0 * done_share_);
         job_.status.work_budget = 1000;
       }
@@ -305,6 +305,7 @@ void PlannerDesk::work(Job& job) {
     refuse(error.what());
   }
   working_ = nullptr;
+  held_up_.clear();
   if (job.status.state == PlanState::kDone) {
     job.answer.publish();
   } else if (job.status.state == PlanState::kRefused) {
@@ -324,6 +325,22 @@ void PlannerDesk::report(const global_planning::RouteProgress& progress) {
                                      ? std::optional<double>(progress.best_cost_m)
                                      : std::nullopt;
   working_->status.lower_bound_m = progress.lower_bound_m;
+}
+
+void PlannerDesk::hold_up(const std::string& lack) {
+  if (working_ == nullptr) {
+    return;
+  }
+  held_up_ = lack;
+  working_->status.text = lack;
+  const std::string title = "request " + short_id(working_->question.request_id);
+  if (lack.empty()) {
+    loop_.set_state(messages::ServiceState::kWorking, "planning " + title);
+  } else {
+    std::fprintf(stderr, "%s is %s\n", title.c_str(), lack.c_str());
+    loop_.set_state(messages::ServiceState::kDegraded, title + " is " + lack);
+  }
+  publish_status(*working_, bus_.now());
 }
 
 void PlannerDesk::answer_again() {

@@ -71,6 +71,9 @@ class PlannerDesk {
   /// For the status of the question that is being planned.
   void report(const global_planning::RouteProgress& progress);
 
+  /// What keeps the question that is being planned waiting, told at once; empty: nothing any more.
+  void hold_up(const std::string& lack);
+
   /// One line for each question that still waits, with what it lacks. Empty when none waits.
   [[nodiscard]] std::string unanswered() const;
 
@@ -98,6 +101,7 @@ class PlannerDesk {
   bus::MapAssembly assembly_;
   std::list<Job> jobs_;  // in order of arrival; references stay valid while a job is worked on
   Job* working_ = nullptr;
+  std::string held_up_;  // why the work on it does not go on
 };
 
 }  // namespace hedgehop::services

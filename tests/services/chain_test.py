@@ -146,6 +146,17 @@ def services_make_the_same_bytes_as_one_process(setup):
         check(f"{name} " in setup.text(serve), f"serve did not report {name}")
 
 
+def in_lockstep_with_the_command_model_the_bytes_are_the_same(setup):
+    in_process = setup.plan()
+    serve = setup.serve("--lockstep")
+    same_files(in_process, setup.request("over_bus"))
+    check(stop(serve) == 0, "serve did not end with 0:\n" + setup.text(serve))
+    times = [struct.unpack_from(">q", (setup.folder / "flight.lcmlog").read_bytes(), start + 12)[0]
+             for start, _, channel, _ in events(setup.folder / "flight.lcmlog") if channel == "VEHICLE_TARGET"]
+    check(len(times) > 2000, f"only {len(times)} steps over the bus")
+    print(f"{len(times)} steps, {(len(times) - 1) / (times[-1] - times[0]) * 1e6:.0f} a second")
+
+
 def replay_makes_every_stage_again(setup):
     log = recorded_flight(setup)
     for stage in ["global", "local", "flight"]:
@@ -330,6 +341,7 @@ def configs_are_checked_before_anything_else(setup):
 
 TESTS = [
     services_make_the_same_bytes_as_one_process,
+    in_lockstep_with_the_command_model_the_bytes_are_the_same,
     replay_makes_every_stage_again,
     a_lone_local_planner_fed_by_the_log_player_makes_the_recorded_trajectory,
     a_missing_tile_is_named,
