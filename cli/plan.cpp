@@ -5,12 +5,14 @@
 #include <memory>
 
 #include "base/files.hpp"
+#include "evaluation/risk_planning.hpp"
 #include "map/map_bundle.hpp"
 #include "output/figures.hpp"
 #include "output/plan_bundle.hpp"
 #include "plan_result.hpp"
 #include "planning/planning.hpp"
 #include "request_arguments.hpp"
+#include "uncertainty_arguments.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -22,9 +24,68 @@ struct PlanArguments {
   std::string out;
   bool is_overwriting = false;
   bool has_figures = false;
+  UncertaintyArguments uncertainty;
+  double violation_probability = 0.0;  // 0: errors are not looked at
 };
 
+// One sentence about the errors that a plan was made for.
+std::string text_of(const evaluation::RiskPlan& planned, double wanted) {
+  const evaluation::ClearanceRisk& risk = planned.risk;
+  char text[400];
+  std::snprintf(
+      text, sizeof text,
+      "heights raised by %.1f m: with errors of %.1f m (surface) and %.1f m (position) the "
+      "clearance falls below %.1f m with probability %.4f (%.4f to %.4f), %s %.4f",
+      planned.margin_m, risk.errors.dem_m, risk.errors.navigation_m, risk.clearance_m,
+      risk.probability, risk.low, risk.high,
+      planned.is_met ? "at most the wanted" : "NOT the wanted", wanted);
+  return text;
+}
+
+struct Made {
+  std::variant<flight::Plan, flight::NoPlan> answer;
+  bool is_risk_met = true;
+};
+
+Made make_plan(const map::Map& map, const flight::PlanRequest& request,
+               const planning::PlanningConfig& config, const PlanArguments& arguments,
+               StageTimer& timer, Observer& observer) {
+  if (arguments.violation_probability > 0.0) {
+    const evaluation::RiskDemand demand{
+        arguments.uncertainty.errors, arguments.violation_probability,
+        arguments.uncertainty.options(), arguments.uncertainty.seed};
+    const auto plan = [](const map::Map& on, const flight::PlanRequest& asked,
+                         const planning::PlanningConfig& with, Observer& watcher) {
+      return planning::plan(on, asked, with, route_progress(watcher), watcher);
+    };
+    auto found = evaluation::plan_within_risk(map, request, config, demand, plan, observer);
+    timer.lap("route_flight_and_risk");
+    if (auto* no_plan = std::get_if<flight::NoPlan>(&found)) {
+      return {std::move(*no_plan)};
+    }
+    auto& planned = std::get<evaluation::RiskPlan>(found);
+    planned.plan.warnings.push_back(text_of(planned, arguments.violation_probability));
+    return {std::move(planned.plan), planned.is_met};
+  }
+  auto route = planning::plan_route(map, request, config, route_progress(observer), observer);
+  observer.check_stop();
+  timer.lap("route");
+  if (auto* no_plan = std::get_if<flight::NoPlan>(&route)) {
+    return {std::move(*no_plan)};
+  }
+  auto result =
+      planning::plan_flight(map, std::get<flight::RoutePlan>(route), config, {}, observer);
+  timer.lap("flight_and_verification");
+  return {std::move(result)};
+}
+
 ExitCode run(const Console& console, const PlanArguments& arguments) {
+  if ((arguments.violation_probability > 0.0) != arguments.uncertainty.is_asked_for()) {
+    throw UsageError(
+        "--violation-probability and errors go together: one is given without the other",
+        "give --violation-probability with --dem-error-m, --navigation-error-m or both; "
+        "what errors do to a plan as it is tells hedgehop verify");
+  }
   const map_sources::Mission mission = arguments.request.mission(console);
   const planning::PlanningConfig config =
       planning::read_planning_config(planning::effective_planning_config(
@@ -38,20 +99,12 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
   observer->check_stop();
   const flight::PlanRequest request = arguments.request.plan_request(mission, &map);
   timer.lap("read_map");
-  auto route = planning::plan_route(map, request, config, route_progress(*observer), *observer);
+  const Made made = make_plan(map, request, config, arguments, timer, *observer);
   observer->check_stop();
-  timer.lap("route");
-  if (const auto* no_plan = std::get_if<flight::NoPlan>(&route)) {
+  if (const auto* no_plan = std::get_if<flight::NoPlan>(&made.answer)) {
     return report_no_plan(console, *no_plan);
   }
-  auto result =
-      planning::plan_flight(map, std::get<flight::RoutePlan>(route), config, {}, *observer);
-  observer->check_stop();
-  timer.lap("flight_and_verification");
-  if (const auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
-    return report_no_plan(console, *no_plan);
-  }
-  const auto& plan = std::get<flight::Plan>(result);
+  const auto& plan = std::get<flight::Plan>(made.answer);
   output::write_plan_bundle(plan, folder.path());
   timer.lap("write");
   if (arguments.has_figures) {
@@ -61,7 +114,8 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
   observer->check_stop();
   timer.write(folder.path());
   folder.commit();
-  return report_plan(console, plan, arguments.out);
+  const ExitCode code = report_plan(console, plan, arguments.out);
+  return made.is_risk_met ? code : ExitCode::kNotVerified;
 }
 
 }  // namespace
@@ -73,7 +127,9 @@ void add_plan_verb(CLI::App& app, Console& console) {
       "same map, request, config, seed and work budget give the same bytes.\n"
       "Examples:\n"
       "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan --figures\n"
-      "  hedgehop plan --map map --mission mission.yaml --out plan");
+      "  hedgehop plan --map map --mission mission.yaml --out plan\n"
+      "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --dem-error-m 4 "
+      "--violation-probability 0.05 --out plan");
   auto arguments = std::make_shared<PlanArguments>();
   verb->add_option("--map", arguments->map, "Map bundle, a folder made by `hedgehop prepare`")
       ->required();
@@ -82,6 +138,11 @@ void add_plan_verb(CLI::App& app, Console& console) {
   verb->add_flag("--overwrite", arguments->is_overwriting, "Replace an existing plan in --out");
   verb->add_flag("--figures", arguments->has_figures,
                  "Draw the plan into figures/ (needs gnuplot)");
+  verb->add_option("--violation-probability", arguments->violation_probability,
+                   "Fly so high that errors take the clearance below the demand with at most this "
+                   "probability")
+      ->check(CLI::Range(0.001, 0.999));
+  arguments->uncertainty.add_to(*verb);
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {
     console.action = [&console, arguments] { return run(console, *arguments); };

@@ -785,6 +785,18 @@ class Json(CliTest):
             self.assertEqual((row["flights"], row["seed"]), (1, 5))
             self.assertLessEqual(row["collisions"], row["reached"])
         self.assertLess(safety["rows"][1]["mean_height_m"], safety["rows"][0]["mean_height_m"])
+    def test_plan_within_a_risk(self):
+        errors = ("--dem-error-m", "3", "--error-seed", "7")
+        plan = self.one_object(*self.plan_arguments("--violation-probability", "0.1", *errors), allowed=(0, 4))
+        self.assertRegex(plan["warnings"][-1], "heights raised by .* probability")
+        risk = self.one_object("verify", self.work / "plan", "--map", self.map, "--dem-error-m", "3", "--error-seed", "99",
+                               allowed=(0, 4))["uncertainty"]
+        if "at most the wanted" in plan["warnings"][-1]:
+            self.assertLess(risk["probability"], 0.15)  # 0.1 and five standard deviations of 1000 draws
+        refused = self.hedgehop(*self.plan_arguments(*errors, "--overwrite"))
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("--violation-probability", refused.stderr)
+
     def test_evaluate_verifier(self):
         found = self.one_object("evaluate", "verifier", "--map", self.map, "--plans", "2", "--seed", "5")
         self.assertEqual(found["seed"], 5)
