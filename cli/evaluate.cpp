@@ -174,7 +174,9 @@ void add_protection_verb(CLI::App& verb, Console& console) {
       ->add_option("--simd", arguments->simd,
                    "Instructions to use: avx2 or avx512 (default: the widest there is)")
       ->transform(CLI::CheckedTransformer(std::map<std::string, preparation::Simd>{
-          {"avx2", preparation::Simd::kAvx2}, {"avx512", preparation::Simd::kAvx512}}));
+                                              {"avx2", preparation::Simd::kAvx2},
+                                              {"avx512", preparation::Simd::kAvx512}})
+                      .description("{avx2,avx512}"));
   add_common_options(*protection, console);
   protection->callback([&console, arguments] {
     console.action = [&console, arguments] { return run_protection(console, *arguments); };

@@ -81,8 +81,9 @@ void add_local_speed_verb(CLI::App& evaluate, Console& console) {
       ->capture_default_str();
   verb->add_option("--simd", arguments->options.kernel,
                    "Instructions to use: avx2 or avx512 (default: the widest there is)")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Kernel>{{"avx2", Kernel::kAvx2}, {"avx512", Kernel::kAvx512}}));
+      ->transform(CLI::CheckedTransformer(std::map<std::string, Kernel>{
+                                              {"avx2", Kernel::kAvx2}, {"avx512", Kernel::kAvx512}})
+                      .description("{avx2,avx512}"));
   arguments->planning.add_to(*verb);
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {

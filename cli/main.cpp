@@ -71,6 +71,7 @@ Complaint complaint_about(const CLI::App& app, const CLI::ParseError& error, int
       range != std::string::npos) {
     what = what.substr(0, range) + " is too small";
   }
+  std::erase_if(what, [](unsigned char c) { return c < 0x20; });  // CLI11 prints enumerators so
   return {what, "see " + full_name(*verb) + " --help"};
 }
 
@@ -117,6 +118,7 @@ int main(int argc, char** argv) {
   add_config_verb(app, console);
   add_doctor_verb(app, console);
   add_demo_verb(app, console);
+  add_completion_verbs(app, console);
 
   try {
     app.parse(argc, argv);

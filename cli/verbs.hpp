@@ -6,6 +6,8 @@
 /// names it, sets console.action.
 namespace hedgehop::cli {
 
+/// The verbs `completion` and `man`.
+void add_completion_verbs(CLI::App& app, Console& console);
 void add_config_verb(CLI::App& app, Console& console);
 void add_demo_verb(CLI::App& app, Console& console);
 void add_doctor_verb(CLI::App& app, Console& console);

@@ -609,7 +609,7 @@ class Help(CliTest):
 
     def test_each_verb_has_a_test_of_its_json(self):
         tested = {"prepare", "plan", "verify", "report", "export", "config", "evaluate", "info", "serve", "request", "replay", "log",
-                  "watch", "doctor", "demo"}
+                  "watch", "doctor", "demo", "completion", "man"}
         self.assertEqual(set(self.verbs()) - tested, set(), "add a test to the class Json, then the verb to this list")
 
     def check_options(self, text):
@@ -626,6 +626,99 @@ class Help(CliTest):
         result = self.hedgehop("--version")
         self.assertEqual(result.returncode, 0)
         self.assertRegex(result.stdout, r"^hedgehop \d+\.\d+\.\d+")
+
+
+class Shells(CliTest):
+    """Completion as the shells themselves do it, and manual pages as groff reads them, against --help."""
+
+    def script(self, shell):
+        result = self.hedgehop("completion", shell)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        path = self.work / ("script." + shell)
+        path.write_text(result.stdout)
+        return path
+
+    def run_shell(self, program, *arguments):
+        if shutil.which(program) is None:
+            self.skipTest(f"{program} is not installed")
+        result = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, timeout=60, cwd=self.work,
+                                env={**self.environment(), "HOME": str(self.work)})
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(result.stderr, "")
+        return result.stdout
+
+    def wanted(self):
+        """What may follow some lines: verbs of two kinds, and the options of three verbs as --help lists them."""
+        found = {}
+        for verb in ("plan", "export", "log info"):
+            text = self.hedgehop(*verb.split(), "--help").stdout
+            found[f"{verb} --"] = set(re.findall(r"(?m)^  (?:-\w,)?(--[\w-]+)", text))
+            self.assertGreater(len(found[f"{verb} --"]), 4)
+        found["log "] = {"info", "check", "repair", "cut"}
+        found["pl"] = {"plan"}
+        found["replay x --stage l"] = {"local"}
+        found["completion "] = {"bash", "zsh", "fish"}
+        return found
+
+    def test_bash_completes_verbs_options_and_choices(self):
+        script = self.script("bash")
+        for line, wanted in self.wanted().items():
+            with self.subTest(line=line):
+                words = ["hedgehop", *line.split(" ")]
+                told = self.run_shell("bash", "-c", 'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _hedgehop; '
+                                      'printf "%s\\n" "${COMPREPLY[@]}"', "bash", script, *words)
+                found = set(told.split())
+                self.assertEqual({word for word in found if not word.startswith("-") or line.endswith("--")}, wanted)
+
+    def test_zsh_completes_verbs_options_and_choices(self):
+        script = self.script("zsh")
+        stubs = ('compdef() { }; compadd() { shift; print -l -- "$@" }; _files() { }; '
+                 '_describe() { for each in "${(@P)@[-1]}"; do print -r -- "${each%%:*}"; done }; ')
+        for line, wanted in self.wanted().items():
+            with self.subTest(line=line):
+                words = ["hedgehop", *line.split(" ")]
+                told = self.run_shell("zsh", "-f", "-c", stubs + 'source "$1"; shift; words=("$@"); CURRENT=$#; _hedgehop', "zsh",
+                                      script, *words)
+                # zsh itself keeps those that begin with what was typed
+                self.assertEqual({word for word in told.split() if word.startswith(words[-1])}, wanted)
+
+    def test_fish_completes_verbs_options_and_choices(self):
+        script = self.script("fish")
+        for line, wanted in self.wanted().items():
+            with self.subTest(line=line):
+                told = self.run_shell("fish", "--no-config", "-c", f'source {script}; complete -C "hedgehop {line}"')
+                self.assertEqual({word.split("\t")[0] for word in told.splitlines()}, wanted)
+
+    def test_manual_pages_of_all_verbs_are_read_without_a_warning_and_hold_every_option(self):
+        found = json.loads(self.hedgehop("man", "--out", self.work / "man1", "--json").stdout)
+        self.assertEqual(found["schema_version"], 1)
+        pages = sorted((self.work / "man1").iterdir())
+        self.assertEqual([str(page) for page in pages], sorted(found["pages"]))
+        self.assertGreater(len(pages), 25)
+        for page in pages:
+            with self.subTest(page=page.name):
+                if shutil.which("groff") is None:
+                    self.skipTest("groff is not installed")
+                result = subprocess.run(["groff", "-man", "-ww", "-Tascii", "-P-c", page], capture_output=True, text=True)
+                self.assertEqual((result.returncode, result.stderr), (0, ""))
+                text = re.sub(".\x08", "", result.stdout)  # bold is struck over
+                self.assertRegex(text, r"(?m)^NAME$")
+        plan = (self.work / "man1" / "hedgehop-plan.1").read_text().replace("\\-", "-")
+        for option in self.wanted()["plan --"]:
+            self.assertIn(option, plan)
+        self.assertIn(".SH EXAMPLES", plan)
+        self.assertEqual(self.hedgehop("man", "plan").stdout, (self.work / "man1" / "hedgehop-plan.1").read_text())
+        again = self.hedgehop("man", "--out", self.work / "man1")
+        self.assertEqual(again.returncode, 2)
+        self.assertIn("--overwrite", again.stderr)
+        wrong = self.hedgehop("man", "log", "inf")
+        self.assertEqual(wrong.returncode, 2)
+        self.assertIn("did you mean 'info'", wrong.stderr)
+
+    def test_completion_as_json(self):
+        found = json.loads(self.hedgehop("completion", "bash", "--json").stdout)
+        self.assertEqual((found["schema_version"], found["shell"]), (1, "bash"))
+        self.assertEqual(found["script"], self.hedgehop("completion", "bash").stdout)
 
 
 class Json(CliTest):
