@@ -85,7 +85,10 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   const flight::Waypoint nearest = guide_.at(along_m_);
   const double offset =
       distance_m(nearest.x_m - state.x_m, nearest.y_m - state.y_m) / options_.corridor_m;
-  const double to_goal_m = distance_m(guide_.goal().x_m - state.x_m, guide_.goal().y_m - state.y_m);
+  // A guide may come by its goal long before it ends there, on a round trip for example.
+  const double to_goal_m =
+      is_on_final_part() ? distance_m(guide_.goal().x_m - state.x_m, guide_.goal().y_m - state.y_m)
+                         : std::numeric_limits<double>::infinity();
   question.polar_share =
       to_goal_m < options_.goal_only_distance_m ? 0.0 : std::max(0.0, 1.0 - offset * offset);
 
@@ -202,6 +205,11 @@ double Decider::give_way(const ModelState& state, FlownStep& step) {
   heading_.reset(state.heading_math_rad);
   step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
   return model_.vehicle().limits.climb_rate_max_mps / state.speed_mps;
+}
+
+bool Decider::is_on_final_part() const {
+  return guide_.length_m() - along_m_ <=
+         options_.projection_ahead_m + options_.goal_only_distance_m;
 }
 
 // A goal that was passed too far aside lies within the turning circle: flying towards it would

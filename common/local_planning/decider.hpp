@@ -36,6 +36,9 @@ class Decider {
 
   /// Where the flight is along the guide.
   [[nodiscard]] double along_m() const { return along_m_; }
+  /// Whether the guide ends within what it is searched ahead and the last stretch, on which the
+  /// goal alone counts.
+  [[nodiscard]] bool is_on_final_part() const;
   [[nodiscard]] std::int64_t infeasible_decisions() const { return infeasible_decisions_; }
 
  private:

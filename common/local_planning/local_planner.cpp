@@ -68,8 +68,12 @@ class GoalWatch {
  public:
   GoalWatch(const Guide& guide, double radius_m) : goal_(guide.goal()), radius_m_(radius_m) {}
 
-  // True at the nearest approach, or at the goal itself.
-  bool is_reached(const ModelState& state, const StateTrigonometry& trigonometry) {
+  // True at the nearest approach, or at the goal itself; not where the guide only comes by.
+  bool is_reached(const ModelState& state, const StateTrigonometry& trigonometry,
+                  bool is_on_final_part) {
+    if (!is_on_final_part) {
+      return false;
+    }
     const double dx_m = goal_.x_m - state.x_m;
     const double dy_m = goal_.y_m - state.y_m;
     const double ahead_m = dx_m * trigonometry.cos_heading + dy_m * trigonometry.sin_heading;
@@ -175,7 +179,8 @@ std::variant<Flight, flight::NoPlan> fly_along(
 
     ModelState state = initial;
     StateTrigonometry trigonometry = command_model::trigonometry_of(state);
-    for (std::int64_t i = 0; !goal.is_reached(state, trigonometry); ++i) {
+    for (std::int64_t i = 0; !goal.is_reached(state, trigonometry, decider.is_on_final_part());
+         ++i) {
       if (i % kStepsBetweenReports == 0) {
         observer.progress("local", pass + decider.along_m() / line.length_m(), options.passes);
         if (observer.stop_requested()) {

@@ -136,6 +136,28 @@ TEST_F(PlanningTest, RouteWithViaPointPassesIt) {
   EXPECT_LT(nearest_m, 0.01);
 }
 
+TEST_F(PlanningTest, RoundTripIsFlownToItsViaPointAndBack) {
+  request_.goal = request_.start;
+  request_.via = {place(map_, 9000.0, 6000.0)};
+  const auto result = plan(request_);
+  ASSERT_TRUE(std::holds_alternative<flight::Plan>(result));
+  const auto& plan = std::get<flight::Plan>(result);
+  EXPECT_TRUE(plan.verdict.is_verified) << plan.verdict.violations.front().rule;
+  EXPECT_GT(plan.measures.length_m, 2.0 * (std::hypot(6000.0, 3000.0) - 250.0));
+}
+
+TEST_F(PlanningTest, FlightDoesNotEndWhereItComesByItsGoalOnTheWayToAViaPoint) {
+  // The goal lies on the straight line to the via point.
+  request_.goal = place(map_, 7000.0, 5000.0);
+  request_.via = {place(map_, 11000.0, 7000.0)};
+  const auto result = plan(request_);
+  ASSERT_TRUE(std::holds_alternative<flight::Plan>(result));
+  const auto& plan = std::get<flight::Plan>(result);
+  EXPECT_TRUE(plan.verdict.is_verified) << plan.verdict.violations.front().rule;
+  EXPECT_GT(plan.measures.length_m,
+            std::hypot(8000.0, 4000.0) + std::hypot(4000.0, 2000.0) - 600.0);
+}
+
 TEST_F(PlanningTest, ViaPointWithAHeightIsNotFlownBelowByTheVerticalPass) {
   request_.via = {place(map_, 4000.0, 9000.0, 70.0)};
   const auto result = plan(request_);
