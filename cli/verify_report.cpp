@@ -39,9 +39,13 @@ struct Place {
     if (std::isnan(time_s) && std::isnan(point.x_m)) {
       return "";
     }
-    char buffer[160];
-    std::snprintf(buffer, sizeof buffer, "at %.2f s, %.6f,%.6f, altitude %.1f m, height %.1f m",
-                  time_s, degrees_from_radians(position.latitude_rad),
+    char time[40] = "at ";
+    if (!std::isnan(time_s)) {
+      std::snprintf(time, sizeof time, "at %.2f s, ", time_s);
+    }
+    char buffer[200];
+    std::snprintf(buffer, sizeof buffer, "%s%.6f,%.6f, altitude %.1f m, height %.1f m", time,
+                  degrees_from_radians(position.latitude_rad),
                   degrees_from_radians(position.longitude_rad), altitude_m, height_m);
     return buffer;
   }
@@ -264,6 +268,65 @@ ExitCode report_check(const Console& console, const std::string& folder, const m
                  static_cast<long long>(verdict.violation_count) - static_cast<long long>(lines));
   }
   return ExitCode::kNotVerified;
+}
+
+ExitCode report_legs(const Console& console, const std::string& file, const map::Map& map,
+                     std::size_t waypoints, double required_clearance_m,
+                     const verification::LegCheck& check) {
+  const flight::Trajectory none;
+  const Places places(map, none);
+  const auto place_of = [&](const verification::LegViolation& violation) {
+    return places.at(kNan, violation.place.point(), violation.place.altitude_m);
+  };
+  if (console.is_json) {
+    Json json;
+    json["schema_version"] = 1;
+    json["file"] = file;
+    json["map_hash"] = map.hash.hex();
+    json["waypoints"] = waypoints;
+    json["length_m"] = check.length_m;
+    json["required_clearance_m"] = required_clearance_m;
+    json["is_verified"] = check.is_verified;
+    json["violation_count"] = check.violations.size();
+    json["violations"] = Json::array();
+    for (const verification::LegViolation& violation : check.violations) {
+      Json entry = {{"rule", violation.rule},
+                    {"leg", violation.leg},
+                    {"value", violation.value},
+                    {"limit", violation.limit},
+                    {"unit", verification::unit_of(violation.rule)}};
+      entry.update(place_of(violation).json());
+      json["violations"].push_back(std::move(entry));
+    }
+    json["clearance_min_m"] = check.clearance_min_m;
+    json["nearest"] = Json::array();
+    for (const NearMiss& miss : check.nearest) {
+      json["nearest"].push_back(json_of(miss, places));
+    }
+    std::printf("%s\n", json.dump(2, ' ', false, Json::error_handler_t::replace).c_str());
+  } else {
+    std::printf("legs          %s, %zu waypoints, %.2f km\n", file.c_str(), waypoints,
+                1e-3 * check.length_m);
+    if (check.is_verified) {
+      std::printf("verified      yes, as straight lines\n");
+    } else {
+      std::printf("verified      NO, %zu violations\n", check.violations.size());
+    }
+    for (const NearMiss& miss : check.nearest) {
+      const std::string name = miss.name.empty() ? "" : " '" + miss.name + "'";
+      std::printf("nearest       %s%s: %.1f m, %.1f m to spare, %s\n",
+                  verification::name_of(miss.hazard), name.c_str(), miss.distance_m, miss.spare_m(),
+                  places.at(miss.time_s, miss.place, miss.altitude_m).text().c_str());
+    }
+  }
+  for (std::size_t i = 0; i < std::min(check.violations.size(), kLinesMax); ++i) {
+    const verification::LegViolation& violation = check.violations[i];
+    const std::string unit(verification::unit_of(violation.rule));
+    std::fprintf(stderr, "violation: leg %zu: %s: %.6g %s, should be %.6g; %s\n", violation.leg,
+                 violation.rule.c_str(), violation.value, unit.c_str(), violation.limit,
+                 place_of(violation).text().c_str());
+  }
+  return check.is_verified ? ExitCode::kOk : ExitCode::kNotVerified;
 }
 
 }  // namespace hedgehop::cli

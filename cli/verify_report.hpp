@@ -8,6 +8,7 @@
 #include "evaluation/clearance_risk.hpp"
 #include "flight/plan.hpp"
 #include "map/map.hpp"
+#include "verification/leg_check.hpp"
 #include "verification/plan_check.hpp"
 
 namespace hedgehop::cli {
@@ -17,5 +18,10 @@ namespace hedgehop::cli {
 ExitCode report_check(const Console& console, const std::string& folder, const map::Map& map,
                       const flight::Plan& plan, const verification::PlanCheck& check,
                       const std::optional<evaluation::ClearanceRisk>& risk);
+
+/// The same for the straight legs of a mission file.
+ExitCode report_legs(const Console& console, const std::string& file, const map::Map& map,
+                     std::size_t waypoints, double required_clearance_m,
+                     const verification::LegCheck& check);
 
 }  // namespace hedgehop::cli

@@ -117,4 +117,19 @@ bool may_lie_within(const map::Area& area, const HeightRange& altitude, const He
   return !is_above && !is_below;
 }
 
+double distance_to_band_m(const map::Area& area, const HeightRange& altitude,
+                          const HeightRange& height) {
+  const auto range_for = [&](const map::AreaLimit& limit) {
+    return limit.reference == map::AreaLimit::Reference::kAboveGround ? height : altitude;
+  };
+  double gap_m = 0.0;  // fmax passes over NaN
+  if (std::isfinite(area.ceiling.value_m)) {
+    gap_m = std::fmax(gap_m, range_for(area.ceiling).low_m - area.ceiling.value_m);
+  }
+  if (std::isfinite(area.floor.value_m)) {
+    gap_m = std::fmax(gap_m, area.floor.value_m - range_for(area.floor).high_m);
+  }
+  return gap_m;
+}
+
 }  // namespace hedgehop::verification

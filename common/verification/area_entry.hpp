@@ -30,4 +30,8 @@ struct HeightRange {
 /// limits of an area. NaN heights (unknown ground) may lie anywhere.
 bool may_lie_within(const map::Area& area, const HeightRange& altitude, const HeightRange& height);
 
+/// How far they are from lying between those limits [m]; 0 where may_lie_within().
+double distance_to_band_m(const map::Area& area, const HeightRange& altitude,
+                          const HeightRange& height);
+
 }  // namespace hedgehop::verification

@@ -64,21 +64,6 @@ class Nearest {
   NearMiss miss_;
 };
 
-// From a height to the band between floor and ceiling, 0 within and where it is not known.
-double gap_m(const map::Area& area, const HeightRange& altitude, const HeightRange& height) {
-  const auto range_for = [&](const map::AreaLimit& limit) {
-    return limit.reference == map::AreaLimit::Reference::kAboveGround ? height : altitude;
-  };
-  double gap_m = 0.0;
-  if (std::isfinite(area.ceiling.value_m)) {
-    gap_m = std::fmax(gap_m, range_for(area.ceiling).low_m - area.ceiling.value_m);
-  }
-  if (std::isfinite(area.floor.value_m)) {
-    gap_m = std::fmax(gap_m, area.floor.value_m - range_for(area.floor).high_m);
-  }
-  return gap_m;
-}
-
 void measure_wires(const map::Map& map, const PieceBlocks& pieces, Nearest& nearest) {
   for (const map::OverheadLine& line : map.overhead_lines) {
     for (std::size_t end = 1; end < line.supports.size(); ++end) {
@@ -134,7 +119,7 @@ void measure_areas(const map::Map& map, const PieceBlocks& pieces, Nearest& near
               is_ground_needed
                   ? heights_over(map.terrain_m, *turned_terrain_m, from, to, stray.vertical_m)
                   : HeightRange{kNan, kNan};
-          const double off_m = gap_m(area, altitude, height);
+          const double off_m = distance_to_band_m(area, altitude, height);
           nearest.add(i, std::sqrt(aside_m * aside_m + off_m * off_m), area.name);
         });
   }

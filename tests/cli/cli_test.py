@@ -799,6 +799,37 @@ class Json(CliTest):
         self.assertIn("EGM96", result.stdout)
         self.assertTrue((self.work / "mine.gpx").read_text().startswith("<?xml"))
 
+    def test_verify_of_exported_legs(self):
+        exported = self.one_object("export", self.plan, "--map", self.map, "--format", "qgc,waypoints", "--out", self.work / "out")
+        for file in exported["files"]:
+            found = self.one_object("verify", file["file"], "--map", self.map)
+            self.assertTrue(found["is_verified"])
+            self.assertEqual(found["waypoints"], file["legs"]["waypoints"])
+            # two programs for the same lines; files hold places to 1e-9 degrees and heights to 1 mm
+            self.assertAlmostEqual(found["clearance_min_m"], file["legs"]["clearance_min_m"], delta=0.01)
+            tight = self.one_object("verify", file["file"], "--map", self.map, "--clearance-m",
+                                    str(file["legs"]["clearance_min_m"] + 0.1), allowed=(4,))
+            self.assertEqual({entry["rule"] for entry in tight["violations"]} & {"clearance"}, {"clearance"})
+        text = (self.work / "out" / "flight.waypoints").read_text().splitlines()
+        lowered = text[:]
+        cells = lowered[len(text) // 2].split("\t")
+        self.assertEqual(cells[3], "16")
+        cells[10] = str(float(cells[10]) - 200.0)
+        lowered[len(text) // 2] = "\t".join(cells)
+        (self.work / "lowered.waypoints").write_text("\n".join(lowered) + "\n")
+        found = self.one_object("verify", self.work / "lowered.waypoints", "--map", self.map, allowed=(4,))
+        self.assertIn("clearance", {entry["rule"] for entry in found["violations"]})
+        relative = [line.replace("\t0\t16\t", "\t3\t16\t") for line in text]
+        (self.work / "relative.waypoints").write_text("\n".join(relative) + "\n")
+        for name, words in (("relative.waypoints", "frame 3"), ("cut.waypoints", "12 numbers"), ("cut.plan", "QGroundControl")):
+            if name == "cut.waypoints":
+                (self.work / name).write_text("\n".join(text)[:-20])
+            if name == "cut.plan":
+                (self.work / name).write_text((self.work / "out" / "flight.plan").read_text()[:-40])
+            result = self.hedgehop("verify", self.work / name, "--map", self.map)
+            self.assertEqual(result.returncode, 5, result.stderr)
+            self.assertIn(words, result.stderr)
+
     def test_export_of_a_recording_that_another_reader_accepts(self):
         self.one_object("export", self.plan, "--format", "mcap", "--start-time", "2026-05-01T06:30Z", "--out", self.work / "f.mcap")
         data = (self.work / "f.mcap").read_bytes()
