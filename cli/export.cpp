@@ -62,10 +62,37 @@ std::vector<fs::path> targets_of(const ExportArguments& arguments,
       throw UsageError("output file " + target.string() + " is a folder", "choose another name");
     }
   }
-  if (!is_file && !fs::is_directory(out, error) && !fs::create_directory(out, error)) {
-    throw SystemFailure(out.string() + ": cannot be created: " + error.message());
-  }
   return targets;
+}
+
+// Files that stand under their names all together or, when one fails, not at all: those that were
+// new are removed again, and the folder with them.
+void write_all(const std::vector<fs::path>& targets,
+               const std::vector<output::ExportedFile>& files) {
+  std::error_code error;
+  const fs::path folder = fs::absolute(targets.front()).parent_path();
+  const bool is_folder_new = !fs::is_directory(folder, error);
+  if (is_folder_new && !fs::create_directory(folder, error)) {
+    throw SystemFailure(folder.string() + ": cannot be created: " + error.message());
+  }
+  std::vector<fs::path> added;
+  try {
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      const bool is_new = !fs::exists(targets[i], error);
+      write_file_atomically(targets[i], files[i].content);
+      if (is_new) {
+        added.push_back(targets[i]);
+      }
+    }
+  } catch (...) {
+    for (const fs::path& path : added) {
+      fs::remove(path, error);
+    }
+    if (is_folder_new) {
+      fs::remove(folder, error);
+    }
+    throw;
+  }
 }
 
 output::ExportOptions options_of(const ExportArguments& arguments) {
@@ -145,15 +172,17 @@ ExitCode run(const Console& console, const ExportArguments& arguments) {
                               .demands.required_clearance_m;
   }
 
+  const std::vector<fs::path> targets = targets_of(arguments, formats);
+  const auto observer = console.observer();
   std::vector<output::ExportedFile> files;
   files.reserve(formats.size());
   for (const output::ExportFormat format : formats) {
     files.push_back(output::export_plan(plan, format, request, options));
+    observer->check_stop();
   }
-  const std::vector<fs::path> targets = targets_of(arguments, formats);
+  write_all(targets, files);
   Json list = Json::array();
   for (std::size_t i = 0; i < files.size(); ++i) {
-    write_file_atomically(targets[i], files[i].content);
     list.push_back(json_of(files[i], targets[i]));
   }
 

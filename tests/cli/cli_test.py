@@ -471,6 +471,13 @@ class FullDisk(CliTest):
         self.check(self.map, ["prepare", "--dem", self.hgt, "--osm", self.osm, "--bbox", BBOX, "--cell-m", CELL_M,
                               "--out", self.work / "disk" / "map"])
 
+    def test_export_leaves_nothing(self):
+        arguments = ["export", self.plan, "--map", self.map, "--format", "kml,csv,gpkg"]
+        whole = self.work / "whole"
+        result = self.hedgehop(*arguments, "--out", whole)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.check(whole, [*arguments, "--out", self.work / "disk" / "out"])
+
     def test_plan_leaves_nothing(self):
         self.check(self.plan, ["plan", "--map", self.map, "--start", START, "--goal", GOAL, "--work", WORK,
                                "--out", self.work / "disk" / "plan"])

@@ -1,11 +1,14 @@
 #include "map_sources/mission_file.hpp"
 
+#include <cmath>
 #include <fstream>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <random>
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "support/fresh_seed.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace hedgehop::map_sources {
@@ -343,6 +346,57 @@ TEST_F(MissionFiles, WaypointListKeepsHomeFramesAndSpeed) {
               HasSubstr("3 columns, not 12"));
   EXPECT_THAT(refusal<DataError>("m.waypoints", "QGC WPL 110\n0 1 x\n"),
               HasSubstr("'x' is no number"));
+}
+
+TEST_F(MissionFiles, GarbledFilesAreReadOrRefusedButNothingElse) {
+  std::mt19937_64 generator(test::fresh_seed());
+  const std::vector<std::pair<std::string, std::string>> samples = {
+      {"m.yaml", kYaml},
+      {"m.geojson", geojson(point("11.4,49.9", R"({"role":"start","height_m":25})") + "," +
+                            point("11.6,50,600"))},
+      {"m.kml",
+       "<kml "
+       "xmlns=\"http://www.opengis.net/kml/2.2\"><Document><Placemark><LineString><altitudeMode>"
+       "absolute</altitudeMode><coordinates>11.4,49.9,500 11.6,50,600</coordinates></LineString>"
+       "</Placemark></Document></kml>"},
+      {"m.gpx",
+       "<gpx version=\"1.1\" creator=\"t\" xmlns=\"http://www.topografix.com/GPX/1/1\"><rte><rtept "
+       "lat=\"49.9\" lon=\"11.4\"><ele>500.5</ele></rtept><rtept lat=\"50\" "
+       "lon=\"11.6\"/></rte></gpx>"},
+      {"m.plan", qgc_plan(item(22, 3, "0,0,0,null,49.9,11.4,50") + "," +
+                          item(16, 0, "0,0,0,null,49.92,11.45,470.25"))},
+      {"m.waypoints",
+       "QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t49.8\t11.3\t410\t1\n"
+       "1\t0\t3\t16\t0\t0\t0\t0\t49.9\t11.4\t60\t1\n2\t0\t0\t16\t0\t0\t0\t0\t50\t11.6\t455."
+       "5\t1\n"}};
+  int refused = 0;
+  for (const auto& [name, sample] : samples) {
+    for (int attempt = 0; attempt < 25; ++attempt) {
+      std::string text = sample;
+      for (int change = 0; change < 3; ++change) {
+        const auto at = std::uniform_int_distribution<std::size_t>(0, text.size() - 1)(generator);
+        switch (generator() % 3) {
+          case 0:
+            text[at] = static_cast<char>(generator());
+            break;
+          case 1:
+            text.erase(at, 1 + generator() % 20);
+            text += ' ';
+            break;
+          default:
+            text.insert(at, text.substr(generator() % text.size(), generator() % 20));
+        }
+      }
+      try {
+        const Mission mission = read(name, text);
+        EXPECT_LE(std::fabs(mission.start.position.latitude_rad), 1.6) << text;
+        EXPECT_LE(std::fabs(mission.goal.height_m.value_or(0.0)), 50000.0) << text;
+      } catch (const UserError&) {
+        ++refused;
+      }
+    }
+  }
+  EXPECT_GT(refused, 40);
 }
 
 TEST_F(MissionFiles, MissingLargeAndStrangeFilesAreRefused) {
