@@ -807,8 +807,13 @@ class Json(CliTest):
         self.assertTrue((self.work / "mine.gpx").read_text().startswith("<?xml"))
 
     def test_verify_of_exported_legs(self):
-        exported = self.one_object("export", self.plan, "--map", self.map, "--format", "qgc,waypoints", "--out", self.work / "out")
+        # so near to what was flown that simplification alone does not hold it
+        wanted_m = json.loads((self.plan / "plan.json").read_text())["verification"]["clearance_min_m"] - 0.3
+        exported = self.one_object("export", self.plan, "--map", self.map, "--format", "qgc,waypoints", "--clearance-m", wanted_m,
+                                   "--set", "legs.vertical_tolerance_m=8", "--out", self.work / "out")
         for file in exported["files"]:
+            self.assertGreater(file["legs"]["added_waypoints"], 0)
+            self.assertGreaterEqual(file["legs"]["clearance_min_m"], wanted_m)
             found = self.one_object("verify", file["file"], "--map", self.map)
             self.assertTrue(found["is_verified"])
             self.assertEqual(found["waypoints"], file["legs"]["waypoints"])
