@@ -20,6 +20,7 @@ using std::chrono::steady_clock;
 
 constexpr char kLogger[] = "flight_logger";
 constexpr int kRestartsMax = 3;
+constexpr double kQuiet_s = 60.0;  // without a crash, those before are forgotten
 constexpr double kHeardTimeout_s = 15.0;
 constexpr double kStopTimeout_s = 5.0;
 
@@ -137,6 +138,7 @@ void ServiceChildren::start(Child& child) {
   }
   child.process_id = process_id;
   child.is_heard = false;
+  child.started = steady_clock::now();
   ++child.starts;
 }
 
@@ -185,12 +187,15 @@ void ServiceChildren::watch() {
       throw UserError(static_cast<ExitCode>(WEXITSTATUS(status)), what,
                       "its own message stands above");
     }
-    if (child.starts > kRestartsMax) {
+    if (now - child.started > seconds(kQuiet_s)) {
+      child.crashes = 0;
+    }
+    if (++child.crashes > kRestartsMax) {
       throw UserError(ExitCode::kFailure,
-                      what + ", for the " + std::to_string(child.starts) + "th time",
+                      what + ", for the " + std::to_string(child.crashes) + "th time in a row",
                       "its own messages stand above");
     }
-    const double pause_s = static_cast<double>(1 << (child.starts - 1));
+    const double pause_s = static_cast<double>(1 << (child.crashes - 1));
     child.start_again = now + std::chrono::duration_cast<steady_clock::duration>(seconds(pause_s));
     std::fprintf(stderr, "warning: %s; it starts again in %.0f s\n", what.c_str(), pause_s);
   }

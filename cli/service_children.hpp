@@ -39,8 +39,8 @@ class ServiceChildren {
   ServiceChildren& operator=(const ServiceChildren&) = delete;
 
   /// Reports children that have ended and starts them again after a pause of 1, 2, then 4 s; a
-  /// logger goes on in another file, "flight-2.lcmlog". Call it a few times a second. Throws
-  /// UserError when one cannot go on.
+  /// minute without a crash makes good for those before. A logger goes on in another file,
+  /// "flight-2.lcmlog". Call it a few times a second. Throws UserError when one cannot go on.
   void watch();
 
   /// SIGTERM to all, the logger last; SIGKILL to those that have not ended after 5 s. Returns the
@@ -53,7 +53,9 @@ class ServiceChildren {
     std::vector<std::string> command;
     int process_id = 0;  // 0: not running
     int starts = 0;
+    int crashes = 0;  // without a quiet minute between them
     bool is_heard = false;
+    std::chrono::steady_clock::time_point started;
     std::chrono::steady_clock::time_point start_again;
   };
 

@@ -17,7 +17,7 @@ namespace {
 using messages::PlanState;
 
 constexpr double kTurnPeriod_s = 0.05;
-constexpr int kWaitingMax = 64;
+constexpr int kWaitingMax = 256;
 
 std::string short_id(const Hash128& id) { return id.hex().substr(0, 8); }
 
