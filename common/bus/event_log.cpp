@@ -30,9 +30,9 @@ std::uint64_t number_at(const std::byte* bytes, int size) {
   return value;
 }
 
-void put_number(Bytes& out, std::uint64_t value, int size) {
+void put_number(std::byte*& out, std::uint64_t value, int size) {
   for (int i = size - 1; i >= 0; --i) {
-    out.push_back(static_cast<std::byte>(value >> (8 * i)));
+    *out++ = static_cast<std::byte>(value >> (8 * i));
   }
 }
 
@@ -263,11 +263,14 @@ void EventLogWriter::write(Time receive_time, const std::string& channel, ByteVi
     throw SystemFailure(impl.name + ": writing failed before");
   }
   const std::size_t before = impl.pending.size();
-  put_number(impl.pending, kSync, 4);
-  put_number(impl.pending, static_cast<std::uint64_t>(impl.event_count), 8);
-  put_number(impl.pending, static_cast<std::uint64_t>(receive_time.utime_us), 8);
-  put_number(impl.pending, channel.size(), 4);
-  put_number(impl.pending, bytes.size(), 4);
+  std::array<std::byte, kHeaderBytes> header;
+  std::byte* place = header.data();
+  put_number(place, kSync, 4);
+  put_number(place, static_cast<std::uint64_t>(impl.event_count), 8);
+  put_number(place, static_cast<std::uint64_t>(receive_time.utime_us), 8);
+  put_number(place, channel.size(), 4);
+  put_number(place, bytes.size(), 4);
+  impl.pending.insert(impl.pending.end(), header.begin(), header.end());
   const ByteView name = bytes_of(channel);
   impl.pending.insert(impl.pending.end(), name.begin(), name.end());
   impl.pending.insert(impl.pending.end(), bytes.begin(), bytes.end());

@@ -11,12 +11,18 @@ constexpr std::int64_t kLeapMax = 1'000'000'000;
 }  // namespace
 
 void SequenceGaps::note(std::string_view channel, const messages::Stamp& stamp) {
-  if (sequences_.size() > kSequencesMax) {
-    sequences_.clear();
+  if (sequence_count_ > kSequencesMax) {
+    channels_.clear();
+    sequence_count_ = 0;
+  }
+  auto senders = channels_.find(channel);
+  if (senders == channels_.end()) {
+    senders = channels_.emplace(channel, Senders{}).first;
   }
   const auto [place, is_first] =
-      sequences_.try_emplace({std::string(channel), stamp.sender_id}, Sequence{stamp.seq, 0});
+      senders->second.try_emplace(stamp.sender_id, Sequence{stamp.seq, 0});
   if (is_first) {
+    ++sequence_count_;
     return;
   }
   Sequence& sequence = place->second;
@@ -35,9 +41,11 @@ void SequenceGaps::note(std::string_view channel, const messages::Stamp& stamp) 
 
 std::map<std::int64_t, std::int64_t> SequenceGaps::missing_by_sender() const {
   std::map<std::int64_t, std::int64_t> result;
-  for (const auto& [key, sequence] : sequences_) {
-    if (sequence.missing > 0) {
-      result[key.second] += sequence.missing;
+  for (const auto& [channel, senders] : channels_) {
+    for (const auto& [sender_id, sequence] : senders) {
+      if (sequence.missing > 0) {
+        result[sender_id] += sequence.missing;
+      }
     }
   }
   return result;

@@ -1,10 +1,11 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include "messages/message.hpp"
 
@@ -25,7 +26,9 @@ class SequenceGaps {
     std::int64_t last = 0;
     std::int64_t missing = 0;
   };
-  std::map<std::pair<std::string, std::int64_t>, Sequence> sequences_;  // by channel and sender
+  using Senders = std::map<std::int64_t, Sequence>;
+  std::map<std::string, Senders, std::less<>> channels_;
+  std::size_t sequence_count_ = 0;
   std::int64_t missing_ = 0;
 };
 

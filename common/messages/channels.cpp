@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <vector>
 
 namespace hedgehop::messages {
 namespace {
@@ -16,6 +17,23 @@ std::int64_t number_at(ByteView bytes, std::size_t place) {
   return static_cast<std::int64_t>(value);
 }
 
+// No two channels carry the same type.
+struct ChannelFingerprint {
+  std::string_view channel;
+  std::int64_t fingerprint = 0;
+};
+std::vector<ChannelFingerprint> channel_fingerprints() {
+  std::vector<ChannelFingerprint> result;
+  for (const ChannelType& channel : kChannelTypes) {
+    for (const TypeFingerprint& type : type_fingerprints()) {
+      if (type.type == channel.type) {
+        result.push_back({channel.channel, type.fingerprint});
+      }
+    }
+  }
+  return result;
+}
+
 }  // namespace
 
 std::optional<Stamp> peek_stamp(std::string_view channel, ByteView bytes) {
@@ -23,15 +41,12 @@ std::optional<Stamp> peek_stamp(std::string_view channel, ByteView bytes) {
   if (bytes.size() < kFingerprintBytes + kStampBytes) {
     return std::nullopt;
   }
+  static const std::vector<ChannelFingerprint> kChannels = channel_fingerprints();
   const std::int64_t fingerprint = number_at(bytes, 0);
-  const auto& types = type_fingerprints();
-  const auto type = std::find_if(types.begin(), types.end(), [&](const TypeFingerprint& candidate) {
+  const auto known = std::find_if(kChannels.begin(), kChannels.end(), [&](const auto& candidate) {
     return candidate.fingerprint == fingerprint;
   });
-  if (type == types.end() ||
-      std::none_of(kChannelTypes.begin(), kChannelTypes.end(), [&](const ChannelType& known) {
-        return known.type == type->type && channel.ends_with(known.channel);
-      })) {
+  if (known == kChannels.end() || !channel.ends_with(known->channel)) {
     return std::nullopt;
   }
   Stamp stamp;
