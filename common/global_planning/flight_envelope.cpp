@@ -428,6 +428,26 @@ double FlightEnvelope::spare_share(const geo::MapPoint& point) const {
   return share;
 }
 
+std::vector<double> FlightEnvelope::crossings(const geo::MapPoint& a,
+                                              const geo::MapPoint& b) const {
+  std::vector<double> shares;
+  const auto add = [&](double from_m, double to_m, double origin_m) {
+    if (from_m == to_m) {
+      return;
+    }
+    const double from = (from_m - origin_m) * inverse_cell_1pm_ - 0.5;
+    const double to = (to_m - origin_m) * inverse_cell_1pm_ - 0.5;
+    const double last = std::ceil(std::max(from, to));
+    for (double line = std::floor(std::min(from, to)) + 1.0; line < last; line += 1.0) {
+      shares.push_back((line - from) / (to - from));
+    }
+  };
+  add(a.x_m, b.x_m, geometry_.west_m);
+  add(a.y_m, b.y_m, geometry_.south_m);
+  std::sort(shares.begin(), shares.end());
+  return shares;
+}
+
 FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo::MapPoint& b,
                                                const AltitudeBand& altitudes,
                                                const FollowRules& rules) const {
@@ -435,12 +455,12 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
   const double dy_m = b.y_m - a.y_m;
   const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
   const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / rules.step_m)));
-  const double rise_m = rules.climb_share * climb_tangent_max_ * leg_m / steps;
   Arrival result{altitudes, 0.0};
   double sum = 0.0;
-  for (int k = 1; k <= steps; ++k) {
-    const double t = static_cast<double>(k) / steps;
+  // To the next place, `share` of the leg farther; false if no altitude is left there.
+  const auto advance = [&](double t, double share) {
     const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
+    const double rise_m = rules.climb_share * climb_tangent_max_ * leg_m * share;
     const Sample here = sample(point.x_m, point.y_m);
     const double margin_m = rules.margin_m * spare_share(point);
     result.altitudes.low_m = std::max(result.altitudes.low_m - rise_m, here.band.low_m + margin_m);
@@ -448,15 +468,35 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
         std::min(result.altitudes.high_m + rise_m, here.band.high_m - margin_m);
     // Unknown ground leaves NaN in the band, which max and min would lose.
     if (!(result.altitudes.low_m <= result.altitudes.high_m) || here.nearest == nullptr ||
-        !here.band.is_flyable()) {
-      return {{kInfinity, -kInfinity}, kInfinity};
+        !here.band.is_flyable() ||
+        (here.is_in_funnel && is_in_hard_area(here, point, result.altitudes.low_m))) {
+      return false;
     }
-    if (here.is_in_funnel && is_in_hard_area(here, point, result.altitudes.low_m)) {
-      return {{kInfinity, -kInfinity}, kInfinity};
+    sum += share * density(here, point, result.altitudes.low_m);
+    return true;
+  };
+  const Arrival none{{kInfinity, -kInfinity}, kInfinity};
+  if (rules.at_crossings) {
+    std::vector<double> shares = crossings(a, b);
+    for (int k = 1; k <= steps; ++k) {
+      shares.push_back(static_cast<double>(k) / steps);
     }
-    sum += density(here, point, result.altitudes.low_m);
+    std::sort(shares.begin(), shares.end());
+    double before = 0.0;
+    for (const double t : shares) {
+      if (!advance(t, t - before)) {
+        return none;
+      }
+      before = t;
+    }
+  } else {
+    for (int k = 1; k <= steps; ++k) {
+      if (!advance(static_cast<double>(k) / steps, 1.0 / steps)) {
+        return none;
+      }
+    }
   }
-  result.cost_m = sum * leg_m / steps;
+  result.cost_m = sum * leg_m;
   return result;
 }
 

@@ -35,7 +35,8 @@ constexpr std::array<std::array<int, 2>, kDirections> kStep = {{{1, 0},
 constexpr double kTurnMax_rad = 0.46364760900080609;  // between (1, 0) and (2, 1)
 // The band is sampled this densely; the profile is exact afterwards.
 constexpr double kStep_m = 15.0;
-// First and last leg, where there is no spare for what lies between the samples.
+// First and last leg, where there is no spare for what lies between the samples; they are sampled
+// on each crest too.
 constexpr double kEndStep_m = 2.5;
 // A label is as good as another whose interval is smaller by this at either end.
 constexpr double kIntervalTolerance_m = 3.0;
@@ -146,11 +147,11 @@ class Search {
   }
 
   FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b, const Label& from,
-                                 double step_m) {
+                                 bool is_end_leg) {
     ++work_units_;
-    return envelope_.follow(a, b,
-                            {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
-                            {step_m, spare_.margin_m, spare_.climb_share});
+    return envelope_.follow(
+        a, b, {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
+        {is_end_leg ? kEndStep_m : kStep_m, spare_.margin_m, spare_.climb_share, is_end_leg});
   }
 
   void push(const Label& label, double key_m) {
@@ -223,8 +224,7 @@ class Search {
                                 kDirections +
                             static_cast<std::size_t>(direction)];
     }
-    const FlightEnvelope::Arrival arrival =
-        follow(a, b, from, from.before >= 0 ? kStep_m : kEndStep_m);
+    const FlightEnvelope::Arrival arrival = follow(a, b, from, from.before < 0);
     if (!arrival.altitudes.is_flyable()) {
       return;
     }
@@ -273,7 +273,7 @@ class Search {
       return;
     }
     const double z_m = to_.altitude_m;
-    const FlightEnvelope::Arrival arrival = follow(a, b, from, kEndStep_m);
+    const FlightEnvelope::Arrival arrival = follow(a, b, from, true);
     if (arrival.altitudes.low_m <= z_m && z_m <= arrival.altitudes.high_m) {
       Label label = from;
       label.before = index;

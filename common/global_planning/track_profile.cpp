@@ -10,10 +10,12 @@ namespace {
 // Legs may run this far above the lowest profile: fewer bends, hardly more cost.
 constexpr double kBendTolerance_m = 4.0;
 // Spare to the band at the samples, for what lies between them. Where that is not enough they are
-// raised, each time by twice as much: near start and goal there are only centimetres to give.
+// raised by what is missing, and each time by twice as much more: near start and goal there are
+// only centimetres to give.
 constexpr double kMargin_m = 0.5;
-constexpr double kFirstRaise_m = 1.0 / 1024.0;
-constexpr int kEndSplits = 4;  // and so the samples are denser there
+constexpr double kFirstRaise_m = 1.0 / 4096.0;
+constexpr double kLeastStep_m = 0.01;  // between samples
+constexpr int kEndSplits = 4;          // and so the samples are denser there
 constexpr int kTriesMax = 16;
 
 struct Sample {
@@ -38,18 +40,41 @@ std::vector<Sample> sample_track(const FlightEnvelope& envelope,
     const auto point_at = [&](double t) {
       return geo::MapPoint{a.x_m + t * dx_m, a.y_m + t * dy_m};
     };
+    std::vector<double> shares = envelope.crossings(a, b);
     for (int k = 0; k < parts; ++k) {
       const bool is_near_end = envelope.spare_share(point_at((k + 0.5) / parts)) < 1.0;
       const int splits = is_near_end ? kEndSplits : 1;
       for (int split = 1; split <= splits; ++split) {
-        const double t = (k + static_cast<double>(split) / splits) / parts;
-        const bool is_corner = k + 1 == parts && split == splits;
-        const geo::MapPoint point = is_corner ? b : point_at(t);
-        samples.push_back({point, begin_m + t * leg_m, envelope.band_at(point), is_corner});
+        shares.push_back((k + static_cast<double>(split) / splits) / parts);
       }
     }
+    std::sort(shares.begin(), shares.end());
+    const double least_share = kLeastStep_m / std::max(leg_m, kLeastStep_m);
+    double before = 0.0;
+    for (const double t : shares) {
+      if (t - before > least_share && 1.0 - t > least_share) {
+        const geo::MapPoint point = point_at(t);
+        samples.push_back({point, begin_m + t * leg_m, envelope.band_at(point), false});
+        before = t;
+      }
+    }
+    samples.push_back({b, begin_m + leg_m, envelope.band_at(b), true});
   }
   return samples;
+}
+
+// By how much the straight leg between two samples is too low at most.
+double shortfall_m(const FlightEnvelope& envelope, const flight::Waypoint& a,
+                   const flight::Waypoint& b) {
+  constexpr int kPieces = 8;
+  double short_m = 0.0;
+  for (int k = 1; k < kPieces; ++k) {
+    const double t = static_cast<double>(k) / kPieces;
+    const AltitudeBand band =
+        envelope.band_at({a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m)});
+    short_m = std::max(short_m, band.low_m - (a.altitude_m + t * (b.altitude_m - a.altitude_m)));
+  }
+  return short_m;
 }
 
 }  // namespace
@@ -116,7 +141,8 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
       return true;
     };
     std::vector<flight::Waypoint> result = {waypoint(0)};
-    bool is_raised = false;
+    std::vector<std::size_t> raised;  // ascending; twice where both sides ask for it
+    std::vector<double> need_m(samples.size(), 0.0);
     for (std::size_t i = 0; i < last;) {
       std::size_t best = i;
       for (std::size_t j = i + 1; j <= last; ++j) {
@@ -132,20 +158,25 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
       }
       if (best == i) {
         // Between these two the ground rises above the line that joins them.
+        const double short_m = shortfall_m(envelope, waypoint(i), waypoint(i + 1));
         for (const std::size_t k : {i, i + 1}) {
           if (k > 0 && k < last) {
-            samples[k].band.low_m += samples[k].raise_m;
-            samples[k].raise_m *= 2.0;
+            raised.push_back(k);
+            need_m[k] = std::max(need_m[k], short_m);
           }
         }
-        is_raised = true;
         best = i + 1;
       }
       result.push_back(waypoint(best));
       i = best;
     }
-    if (!is_raised) {
+    if (raised.empty()) {
       return result;
+    }
+    raised.erase(std::unique(raised.begin(), raised.end()), raised.end());
+    for (const std::size_t k : raised) {
+      samples[k].band.low_m += need_m[k] + samples[k].raise_m;
+      samples[k].raise_m *= 2.0;
     }
   }
   return {};

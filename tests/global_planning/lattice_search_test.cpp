@@ -119,6 +119,46 @@ TEST(TrackProfile, LeavesAndReachesTheFloorOfAnEndOnASlopeThatTheClimbLimitAllow
   }
 }
 
+TEST(LatticeSearch, CrestsBetweenTheSamplesNearAnEndLeaveNoTrackWithoutProfile) {
+  // The start in a hollow of one cell between crests of random height: what its first leg climbs
+  // over lies on lines through cell centres, and near it there is no spare for what is not looked
+  // at.
+  const std::uint64_t seed = test::fresh_seed();
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> crest_m(1.0, 9.0);
+  int tracks = 0;
+  for (int k = 0; k < 20; ++k) {
+    std::vector<double> heights_m(200 * 100, 0.0);
+    for (int row = 40; row <= 60; ++row) {
+      for (int column = 20; column <= 40; ++column) {
+        heights_m[static_cast<std::size_t>(row * 200 + column)] = crest_m(random);
+      }
+    }
+    const PlanningCase in(
+        test::make_map(200, 100, 30.0,
+                       [&](double x_m, double y_m) {
+                         const int column = static_cast<int>(x_m / 30.0);
+                         const int row = static_cast<int>(y_m / 30.0);
+                         return heights_m[static_cast<std::size_t>(row * 200 + column)];
+                       }),
+        kLengthOnly);
+    const GlobalOptions options = test::shipped_global_options();
+    const FlightEnvelope envelope(in.costs, options, in.above(915, 1515), in.above(5000, 1500));
+    // As a plan does: a second time with more to spare.
+    bool is_track = false;
+    bool is_profile = false;
+    for (const LatticeSpare& spare : {kSpare, LatticeSpare{6.0, 0.85}}) {
+      const LatticeResult found = search_lattice(envelope, options, spare, 300000, kNever);
+      is_track = is_track || !found.track.empty();
+      is_profile = is_profile ||
+                   (!found.track.empty() && !lowest_profile(envelope, found.track, 10.0).empty());
+    }
+    tracks += is_track ? 1 : 0;
+    EXPECT_EQ(is_profile, is_track) << "map " << k;
+  }
+  EXPECT_GE(tracks, 10);
+}
+
 TEST(TrackProfile, OverARidgeItIsTheConeOfTheClimbLimit) {
   // A ridge of 100 m across the track: far before it the flight is as low as the floor, and rises
   // with the climb limit to pass it.
