@@ -102,6 +102,94 @@ std::array<std::vector<Step>, kSectors> steps_of(double step_m, double radius_m,
   return result;
 }
 
+// Squares of which a patch is made where an end is looked at from near.
+constexpr int kParts = 8;
+// Beyond this share of the turn radius a route may have flown much farther than it got.
+constexpr double kHollowReach = 0.9;
+
+// A hollow that the climb limit alone closes. See prove_enclosed().
+std::optional<Enclosure> prove_hollow(const FlightEnvelope& envelope, const GlobalOptions& options,
+                                      const flight::Waypoint& end, const flight::Waypoint& other) {
+  const double radius_m = options.turn_radius_m;
+  const double reach_m = kHollowReach * radius_m;
+  const double to_other_x_m = other.x_m - end.x_m;
+  const double to_other_y_m = other.y_m - end.y_m;
+  if (to_other_x_m * to_other_x_m + to_other_y_m * to_other_y_m <= reach_m * reach_m) {
+    return std::nullopt;
+  }
+  const GridGeometry& cells = envelope.geometry();
+  const double part_m = cells.cell_m / kParts;
+  const double tangent = elementary::tan(options.climb_angle_max_rad) * (1.0 + kRounding);
+  // Squares count from the one that holds the end.
+  const double end_column = (end.x_m - cells.west_m - 0.5 * cells.cell_m) / part_m;
+  const double end_row = (end.y_m - cells.south_m - 0.5 * cells.cell_m) / part_m;
+  const int middle_column = static_cast<int>(std::floor(end_column));
+  const int middle_row = static_cast<int>(std::floor(end_row));
+  const int reach = static_cast<int>(std::ceil(reach_m / part_m)) + 2;
+  const int side = 2 * reach + 1;
+  const auto floor_divide = [](int a, int b) { return a >= 0 ? a / b : -((b - 1 - a) / b); };
+  // Distances from the end to the nearest and the farthest point of a square.
+  const auto distances_m = [&](int column, int row) {
+    const double west_m = (middle_column + column - end_column) * part_m;
+    const double south_m = (middle_row + row - end_row) * part_m;
+    const double near_x_m = std::clamp(0.0, west_m, west_m + part_m);
+    const double near_y_m = std::clamp(0.0, south_m, south_m + part_m);
+    const double far_x_m = std::max(std::fabs(west_m), std::fabs(west_m + part_m));
+    const double far_y_m = std::max(std::fabs(south_m), std::fabs(south_m + part_m));
+    return std::array<double, 2>{std::sqrt(near_x_m * near_x_m + near_y_m * near_y_m),
+                                 std::sqrt(far_x_m * far_x_m + far_y_m * far_y_m)};
+  };
+  const auto is_open = [&](int column, int row, double far_m) {
+    const int from_west = middle_column + column;
+    const int from_south = middle_row + row;
+    const CellIndex patch{floor_divide(from_west, kParts), floor_divide(from_south, kParts)};
+    if (patch.column < 0 || patch.row < 0 || patch.column + 1 >= cells.columns ||
+        patch.row + 1 >= cells.rows) {
+      return false;  // nothing is known there, so nothing flies there
+    }
+    const double west = static_cast<double>(from_west - patch.column * kParts) / kParts;
+    const double south = static_cast<double>(from_south - patch.row * kParts) / kParts;
+    const AltitudeBand band = envelope.widest_band_over_part(
+        patch, west, south, west + 1.0 / kParts, south + 1.0 / kParts);
+    const double flown_m = radius_m * elementary::asin(std::min(far_m / radius_m, 1.0)) + kRounding;
+    return band.low_m <= end.altitude_m + tangent * flown_m &&
+           band.high_m >= end.altitude_m - tangent * flown_m;
+  };
+  std::vector<std::uint8_t> is_seen(static_cast<std::size_t>(side) * static_cast<std::size_t>(side),
+                                    0);
+  std::vector<CellIndex> open;
+  Enclosure result;
+  const auto visit = [&](int column, int row) {
+    std::uint8_t& seen =
+        is_seen[static_cast<std::size_t>(row + reach) * static_cast<std::size_t>(side) +
+                static_cast<std::size_t>(column + reach)];
+    if (seen != 0) {
+      return true;
+    }
+    seen = 1;
+    const auto [near_m, far_m] = distances_m(column, row);
+    if (near_m > 0.0 && !is_open(column, row, far_m)) {
+      return true;
+    }
+    open.push_back({column, row});
+    result.reach_m = std::max(result.reach_m, far_m);
+    return far_m < reach_m;
+  };
+  visit(0, 0);
+  for (std::size_t k = 0; k < open.size(); ++k) {
+    const CellIndex at = open[k];
+    for (int row = at.row - 1; row <= at.row + 1; ++row) {
+      for (int column = at.column - 1; column <= at.column + 1; ++column) {
+        if (!visit(column, row)) {
+          return std::nullopt;
+        }
+      }
+    }
+  }
+  result.states = static_cast<std::int64_t>(open.size());
+  return result;
+}
+
 }  // namespace
 
 std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
@@ -111,6 +199,9 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
   const double half_turn_rad = 0.5 * options.turn_angle_max_rad;
   if (!(options.turn_radius_m > 0.0) || !(half_turn_rad < 0.25 * std::numbers::pi + kRounding)) {
     return std::nullopt;
+  }
+  if (auto hollow = prove_hollow(envelope, options, end, other)) {
+    return hollow;
   }
   const GridGeometry& cells = envelope.geometry();
   const double cell_m = cells.cell_m;

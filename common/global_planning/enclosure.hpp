@@ -28,6 +28,12 @@ struct Enclosure {
 /// curve could reach, if the bands near that patch admit its altitudes. What cannot be reached that
 /// way, no route reaches. `other` must lie out of reach of one more step.
 ///
+/// Before that, and much sharper, the nearest surroundings are looked at for a hollow. A corner
+/// turns by at most the leg before it divided by R, so a route that has flown s has turned by s / R
+/// at most, got R sin(s / R) away at least, and flown R asin(r / R) at most where it is r away (up
+/// to 0.9 R). That bounds its altitudes there; if no chain of small squares with such altitudes in
+/// their bands leads out, no route does.
+///
 /// Gives up at `reach_max_m` from the end and after `work_max` steps between two states (15 ns
 /// each).
 std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,

@@ -266,6 +266,54 @@ AltitudeBand FlightEnvelope::widest_band_over_patch(raster::CellIndex south_west
   return band;
 }
 
+AltitudeBand FlightEnvelope::widest_band_over_part(raster::CellIndex south_west, double west,
+                                                   double south, double east, double north) const {
+  const Cell* below = &cell(south_west.column, south_west.row);
+  const Cell* above = below + geometry_.columns;
+  if (std::isnan(below[0].dilated_m) || std::isnan(below[1].dilated_m) ||
+      std::isnan(above[0].dilated_m) || std::isnan(above[1].dilated_m)) {
+    return widest_band_over_patch(south_west);
+  }
+  // What is interpolated has its least and greatest value over a rectangle at the corners.
+  double surface_low_m = kInfinity;
+  double surface_high_m = -kInfinity;
+  double floor_low_m = kInfinity;
+  double gap_low_m = kInfinity;  // between floor and surface
+  for (const double v : {south, north}) {
+    for (const double u : {west, east}) {
+      const auto mix = [&](float a, float b, float c, float d) {
+        return (1.0 - v) * ((1.0 - u) * static_cast<double>(a) + u * static_cast<double>(b)) +
+               v * ((1.0 - u) * static_cast<double>(c) + u * static_cast<double>(d));
+      };
+      const double surface_m =
+          mix(below[0].surface_m, below[1].surface_m, above[0].surface_m, above[1].surface_m);
+      const double floor_m =
+          mix(below[0].dilated_m, below[1].dilated_m, above[0].dilated_m, above[1].dilated_m) +
+          floor_m_;
+      surface_low_m = std::min(surface_low_m, surface_m);
+      surface_high_m = std::max(surface_high_m, surface_m);
+      floor_low_m = std::min(floor_low_m, floor_m);
+      gap_low_m = std::min(gap_low_m, floor_m - surface_m);
+    }
+  }
+  const geo::MapPoint corner = geometry_.centre(south_west);
+  const double cell_m = geometry_.cell_m;
+  AltitudeBand band{floor_low_m, surface_high_m + ceiling_m_};
+  for (const End& end : ends_) {
+    const double dx_m =
+        end.x_m - std::clamp(end.x_m, corner.x_m + west * cell_m, corner.x_m + east * cell_m);
+    const double dy_m =
+        end.y_m - std::clamp(end.y_m, corner.y_m + south * cell_m, corner.y_m + north * cell_m);
+    const double distance_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+    if (distance_m < funnel_m_) {
+      band.low_m = std::min(band.low_m, surface_low_m + end.floor_m +
+                                            distance_m / funnel_m_ * (gap_low_m - end.floor_m));
+    }
+  }
+  band.low_m -= kHeightTolerance_m;
+  return band;
+}
+
 const map::Area* FlightEnvelope::area_that_closes_patch(raster::CellIndex south_west,
                                                         const AltitudeBand& band) const {
   const map::Area* closing = nullptr;

@@ -126,6 +126,10 @@ class FlightEnvelope {
   /// the centre of a cell and those of its eastern, northern and north-eastern neighbours; not
   /// flyable if there is none. All four must be inside the map. Areas are left out, see below.
   [[nodiscard]] AltitudeBand widest_band_over_patch(raster::CellIndex south_west) const;
+  /// The same over a part of the patch, as shares of its side from south-west; not above any band
+  /// there, and seldom far below.
+  [[nodiscard]] AltitudeBand widest_band_over_part(raster::CellIndex south_west, double west,
+                                                   double south, double east, double north) const;
 
   /// A hard area that takes part in closing the patch, if each of its four cells is held by one as
   /// a whole at all altitudes of `band`; else null.

@@ -2,8 +2,12 @@
 
 #include <cmath>
 #include <gtest/gtest.h>
+#include <random>
 
+#include "global_planning/lattice_search.hpp"
 #include "global_planning/planning_case.hpp"
+#include "global_planning/track_profile.hpp"
+#include "support/fresh_seed.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
@@ -49,6 +53,77 @@ TEST(Enclosure, NothingIsProvedWhereARouteIsKnown) {
   const FlightEnvelope envelope(in.costs, options, start, goal);
   EXPECT_FALSE(prove_enclosed(envelope, options, goal, start, kReach_m, kWork));
   EXPECT_FALSE(prove_enclosed(envelope, options, start, goal, kReach_m, kWork));
+}
+
+TEST(Enclosure, AHollowOfAFewCellsHoldsWhatClimbsTooSlowlyToLeaveIt) {
+  // Walls of 40 % from 45 to 145 m around the goal. There a route has climbed by 14 % of hardly
+  // more than 145 m, but the floor is 40 m and its own 20 m up, from a goal at 15 m.
+  const auto crater = [](double wall_m) {
+    return PlanningCase(test::make_map(200, 200, 30.0,
+                                       [&](double x_m, double y_m) {
+                                         const double from_m =
+                                             std::hypot(x_m - 3015.0, y_m - 3015.0);
+                                         return std::clamp(0.4 * (from_m - 45.0), 0.0, wall_m);
+                                       }),
+                        kLengthOnly);
+  };
+  const GlobalOptions options = test::shipped_global_options();
+  {
+    const PlanningCase in = crater(40.0);
+    const flight::Waypoint goal = in.above(3015, 3015);
+    const flight::Waypoint start = in.above(900, 900);
+    const FlightEnvelope envelope(in.costs, options, start, goal);
+    const auto enclosure = prove_enclosed(envelope, options, goal, start, kReach_m, kWork);
+    ASSERT_TRUE(enclosure.has_value());
+    EXPECT_LT(enclosure->reach_m, 145.0);
+    EXPECT_FALSE(prove_enclosed(envelope, options, start, goal, kReach_m, kWork));
+  }
+  {
+    const PlanningCase in = crater(2.0);
+    const flight::Waypoint goal = in.above(3015, 3015);
+    const flight::Waypoint start = in.above(900, 900);
+    const FlightEnvelope envelope(in.costs, options, start, goal);
+    EXPECT_FALSE(prove_enclosed(envelope, options, goal, start, kReach_m, kWork));
+  }
+}
+
+TEST(Enclosure, WhereRandomCrestsCanBeLeftNothingIsProved) {
+  const std::uint64_t seed = test::fresh_seed();
+  std::mt19937_64 random(seed);
+  const GlobalOptions options = test::shipped_global_options();
+  int left = 0;
+  int proved = 0;
+  for (int k = 0; k < 30; ++k) {
+    const double crest_m = std::uniform_real_distribution<double>(2.0, 100.0)(random);
+    std::vector<double> heights_m(150 * 150, 0.0);
+    for (int row = 60; row <= 90; ++row) {
+      for (int column = 60; column <= 90; ++column) {
+        heights_m[static_cast<std::size_t>(row * 150 + column)] =
+            std::uniform_real_distribution<double>(0.0, crest_m)(random);
+      }
+    }
+    const PlanningCase in(
+        test::make_map(150, 150, 30.0,
+                       [&](double x_m, double y_m) {
+                         return heights_m[static_cast<std::size_t>(
+                             static_cast<int>(y_m / 30.0) * 150 + static_cast<int>(x_m / 30.0))];
+                       }),
+        kLengthOnly);
+    const flight::Waypoint goal = in.above(2250, 2265);
+    const flight::Waypoint start = in.above(900, 900);
+    const FlightEnvelope envelope(in.costs, options, start, goal);
+    const LatticeResult found =
+        search_lattice(envelope, options, {2.0, 0.97}, 100000, [] { return false; });
+    const bool is_proved =
+        prove_enclosed(envelope, options, goal, start, 1000.0, 1000000).has_value();
+    proved += is_proved ? 1 : 0;
+    if (!found.track.empty() && !lowest_profile(envelope, found.track, 10.0).empty()) {
+      ++left;
+      EXPECT_FALSE(is_proved) << "map " << k << ", crests of " << crest_m << " m";
+    }
+  }
+  EXPECT_GE(left, 1);
+  EXPECT_GE(proved, 1);
 }
 
 TEST(Enclosure, NothingIsProvedWithoutATurnRadius) {
