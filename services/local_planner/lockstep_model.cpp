@@ -10,7 +10,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kRepeat{20};
-constexpr std::chrono::milliseconds kSilence{800};  // with the time to tell it: a second
+constexpr std::chrono::milliseconds kSilence{600};  // with the time to tell it: a second
 
 }  // namespace
 
