@@ -13,6 +13,7 @@ namespace hedgehop::evaluation {
 namespace {
 
 constexpr std::int64_t kRoundsMax = 6;
+constexpr int kRoundsInVainMax = 2;
 constexpr double kGainMin = 0.25;  // of a raise: with less, what is too low is not what is raised
 constexpr double kSpare_m = 0.1;   // what planning again may lose of a margin
 
@@ -84,6 +85,7 @@ std::variant<RiskPlan, flight::NoPlan> plan_within_risk(
   RiskPlan best;
   double margin_m = 0.0;
   double raise_m = 0.0;
+  int rounds_in_vain = 0;
   double before_m = -std::numeric_limits<double>::infinity();
   for (std::int64_t round = 0; round < kRoundsMax; ++round) {
     auto answer = margin_m > 0.0 ? plan(map, raised(map, request, config, margin_m),
@@ -106,7 +108,9 @@ std::variant<RiskPlan, flight::NoPlan> plan_within_risk(
     best.is_met = best.risk.high <= demand.probability;
     observer.check_stop();
     const double reached_m = best.risk.least_clearances_m[static_cast<std::size_t>(allowed)];
-    if (best.is_met || !std::isfinite(reached_m) || reached_m - before_m < kGainMin * raise_m) {
+    // Draws differ from round to round: one round without a gain may be chance.
+    rounds_in_vain = reached_m - before_m < kGainMin * raise_m ? rounds_in_vain + 1 : 0;
+    if (best.is_met || !std::isfinite(reached_m) || rounds_in_vain == kRoundsInVainMax) {
       break;
     }
     before_m = reached_m;
