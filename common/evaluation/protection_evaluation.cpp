@@ -10,6 +10,7 @@
 #include <random>
 
 #include "base/errors.hpp"
+#include "geo/gdal_guards.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
@@ -41,10 +42,7 @@ ErrorStatistics statistics_of(const std::vector<double>& errors) {
   return statistics;
 }
 
-struct DatasetCloser {
-  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
-};
-using DatasetPointer = std::unique_ptr<GDALDataset, DatasetCloser>;
+using geo::DatasetPointer;
 
 // The surface around a cell, for GDAL.
 DatasetPointer window_around(const raster::Grid<float>& surface_m, raster::CellIndex cell,

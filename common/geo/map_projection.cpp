@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cpl_conv.h>
-#include <cpl_error.h>
 #include <cpl_string.h>
 #include <ogr_spatialref.h>
 #include <sstream>
@@ -10,6 +9,7 @@
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
 #include "base/errors.hpp"
+#include "geo/gdal_guards.hpp"
 #include "geo/geodetic_box.hpp"
 
 namespace hedgehop::geo {
@@ -23,18 +23,6 @@ double rounded_to_millimetre(double value_m) { return std::round(value_m * 1e3) 
 
 // 1e-11 rad is 0.06 mm on the ground.
 double rounded_angle_rad(double angle_rad) { return std::round(angle_rad * 1e11) / 1e11; }
-
-// GDAL's messages go to our exceptions, not to stderr.
-class QuietGdal {
- public:
-  QuietGdal() {
-    CPLPushErrorHandler(CPLQuietErrorHandler);
-    CPLErrorReset();
-  }
-  ~QuietGdal() { CPLPopErrorHandler(); }
-  QuietGdal(const QuietGdal&) = delete;
-  QuietGdal& operator=(const QuietGdal&) = delete;
-};
 
 std::string shortened(const std::string& text) {
   return text.size() <= 60 ? text : text.substr(0, 57) + "...";
@@ -64,7 +52,7 @@ struct MapProjection::Impl {
 };
 
 MapProjection::MapProjection(const std::string& crs) : impl_(std::make_unique<Impl>()) {
-  const QuietGdal quiet;
+  const GdalErrors errors;
   const char* hint =
       "give a projected coordinate system in metres, for example EPSG:32632 (UTM zone 32 north)";
   OGRSpatialReference map_crs;
@@ -105,9 +93,9 @@ MapProjection::MapProjection(const std::string& crs) : impl_(std::make_unique<Im
   impl_->to_map.reset(OGRCreateCoordinateTransformation(&geodetic_crs, &map_crs, options));
   impl_->to_geodetic.reset(OGRCreateCoordinateTransformation(&map_crs, &geodetic_crs, options));
   if (!impl_->to_map || !impl_->to_geodetic) {
-    throw DataError("coordinate system '" + shortened(crs) +
-                        "' cannot be related to WGS 84: " + CPLGetLastErrorMsg(),
-                    hint);
+    throw DataError(
+        "coordinate system '" + shortened(crs) + "' cannot be related to WGS 84: " + errors.first(),
+        hint);
   }
 }
 
@@ -116,7 +104,7 @@ MapProjection::MapProjection(MapProjection&&) noexcept = default;
 MapProjection& MapProjection::operator=(MapProjection&&) noexcept = default;
 
 MapPoint MapProjection::to_map(const GeodeticPosition& position) const {
-  const QuietGdal quiet;
+  const GdalErrors errors;
   double x = degrees_from_radians(position.longitude_rad);
   double y = degrees_from_radians(position.latitude_rad);
   if (!is_on_the_globe(position) || !impl_->to_map->Transform(1, &x, &y) || !std::isfinite(x) ||
@@ -137,7 +125,7 @@ MapPoint MapProjection::to_map(const GeodeticPosition& position) const {
 }
 
 GeodeticPosition MapProjection::to_geodetic(const MapPoint& point) const {
-  const QuietGdal quiet;
+  const GdalErrors errors;
   double x = point.x_m;
   double y = point.y_m;
   if (!std::isfinite(x) || !std::isfinite(y) || !impl_->to_geodetic->Transform(1, &x, &y) ||

@@ -18,11 +18,16 @@
 #include "base/angles.hpp"
 #include "base/errors.hpp"
 #include "base/files.hpp"
+#include "geo/gdal_guards.hpp"
 
 namespace hedgehop::map {
 namespace {
 
 namespace fs = std::filesystem;
+using geo::DatasetPointer;
+using geo::GdalErrors;
+using geo::GdalSetting;
+using geo::MemoryFile;
 using Json = nlohmann::ordered_json;
 
 constexpr char kSchemaName[] = "hedgehop map";
@@ -33,72 +38,6 @@ constexpr std::int64_t kFeaturesMax = 20'000'000;  // of one layer
 constexpr char kPrepareAgain[] = "prepare the map again";
 // Deflate cannot shrink by more than 1032; a file that claims more cells than that is damaged.
 constexpr double kDeflateRatioMax = 1100.0;
-
-struct DatasetCloser {
-  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
-};
-using DatasetPointer = std::unique_ptr<GDALDataset, DatasetCloser>;
-
-// Collects GDAL's errors of this thread instead of printing them.
-class GdalErrors {
- public:
-  GdalErrors() { CPLPushErrorHandlerEx(&GdalErrors::on_error, this); }
-  ~GdalErrors() { CPLPopErrorHandler(); }
-  GdalErrors(const GdalErrors&) = delete;
-  GdalErrors& operator=(const GdalErrors&) = delete;
-  [[nodiscard]] const std::string& first() const { return first_; }
-
- private:
-  static void CPL_STDCALL on_error(CPLErr severity, CPLErrorNum, const char* text) {
-    auto* self = static_cast<GdalErrors*>(CPLGetErrorHandlerUserData());
-    if (severity >= CE_Failure && self->first_.empty()) {
-      self->first_ = text;
-    }
-  }
-  std::string first_;
-};
-
-// Values of this thread, put back at the end.
-class GdalSetting {
- public:
-  GdalSetting(const char* key, const char* value) : key_(key) {
-    const char* before = CPLGetThreadLocalConfigOption(key, nullptr);
-    if (before != nullptr) {
-      before_ = before;
-    }
-    CPLSetThreadLocalConfigOption(key, value);
-  }
-  ~GdalSetting() { CPLSetThreadLocalConfigOption(key_, before_ ? before_->c_str() : nullptr); }
-  GdalSetting(const GdalSetting&) = delete;
-  GdalSetting& operator=(const GdalSetting&) = delete;
-
- private:
-  const char* key_;
-  std::optional<std::string> before_;
-};
-
-// A file in memory, so that a full disk is met by write_file_atomically alone, which reports it.
-class MemoryFile {
- public:
-  explicit MemoryFile(const std::string& name)
-      : folder_("/vsimem/hedgehop_" + std::to_string(reinterpret_cast<std::uintptr_t>(this))),
-        path_(folder_ + "/" + name) {}
-  ~MemoryFile() { VSIRmdirRecursive(folder_.c_str()); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-
-  [[nodiscard]] const char* path() const { return path_.c_str(); }
-  [[nodiscard]] ByteView bytes() const {
-    vsi_l_offset size = 0;
-    const GByte* data = VSIGetMemFileBuffer(path_.c_str(), &size, FALSE);
-    HEDGEHOP_ASSERT(data != nullptr);
-    return std::as_bytes(std::span<const GByte>(data, static_cast<std::size_t>(size)));
-  }
-
- private:
-  std::string folder_;
-  std::string path_;
-};
 
 template <typename T>
 constexpr GDALDataType gdal_type() {

@@ -12,24 +12,14 @@
 
 #include "base/errors.hpp"
 #include "base/files.hpp"
+#include "geo/gdal_guards.hpp"
 
 namespace hedgehop::map {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct DatasetCloser {
-  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
-};
-using DatasetPointer = std::unique_ptr<GDALDataset, DatasetCloser>;
-
-class QuietGdal {
- public:
-  QuietGdal() { CPLPushErrorHandler(CPLQuietErrorHandler); }
-  ~QuietGdal() { CPLPopErrorHandler(); }
-  QuietGdal(const QuietGdal&) = delete;
-  QuietGdal& operator=(const QuietGdal&) = delete;
-};
+using geo::DatasetPointer;
 
 }  // namespace
 
@@ -60,14 +50,14 @@ CellSource unpacked_source(std::uint16_t value) {
 void write_source_layer(const Map& map, const raster::Grid<std::uint16_t>& sources,
                         const fs::path& folder) {
   GDALAllRegister();
-  const QuietGdal quiet;
+  const geo::GdalErrors errors;
   const fs::path file = folder / kSourceLayerFile;
   const std::string name =
       "/vsimem/hedgehop_sources_" + std::to_string(reinterpret_cast<std::uintptr_t>(&sources));
   const auto require = [&](bool condition) {
     if (!condition) {
       VSIUnlink(name.c_str());
-      throw SystemFailure(file.string() + ": cannot be written: " + CPLGetLastErrorMsg());
+      throw SystemFailure(file.string() + ": cannot be written: " + errors.first());
     }
   };
   CPLStringList options;
@@ -111,7 +101,7 @@ std::optional<CellSource> read_cell_source(const Map& map, const fs::path& folde
     return std::nullopt;
   }
   GDALAllRegister();
-  const QuietGdal quiet;
+  const geo::GdalErrors errors;
   const std::array<const char*, 2> drivers = {"GTiff", nullptr};
   const DatasetPointer dataset(static_cast<GDALDataset*>(
       GDALOpenEx(fs::absolute(file).c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data(),

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cpl_error.h>
 #include <filesystem>
 #include <gdal_priv.h>
 #include <memory>
@@ -9,31 +8,12 @@
 #include <utility>
 #include <vector>
 
+#include "geo/gdal_guards.hpp"
+
 namespace hedgehop::map_sources {
 
-struct DatasetCloser {
-  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
-};
-using DatasetPointer = std::unique_ptr<GDALDataset, DatasetCloser>;
-
-/// Collects GDAL's errors of this thread instead of printing them.
-class GdalErrors {
- public:
-  GdalErrors() { CPLPushErrorHandlerEx(&GdalErrors::on_error, this); }
-  ~GdalErrors() { CPLPopErrorHandler(); }
-  GdalErrors(const GdalErrors&) = delete;
-  GdalErrors& operator=(const GdalErrors&) = delete;
-  [[nodiscard]] const std::string& first() const { return first_; }
-
- private:
-  static void CPL_STDCALL on_error(CPLErr severity, CPLErrorNum, const char* text) {
-    auto* self = static_cast<GdalErrors*>(CPLGetErrorHandlerUserData());
-    if (severity >= CE_Failure && self->first_.empty()) {
-      self->first_ = text;
-    }
-  }
-  std::string first_;
-};
+using geo::DatasetPointer;
+using geo::GdalErrors;
 
 /// Longitude, latitude in degrees.
 OGRSpatialReference wgs84();

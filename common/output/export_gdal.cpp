@@ -12,83 +12,30 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "geo/gdal_guards.hpp"
 #include "output/export_writers.hpp"
 #include "output/trajectory_columns.hpp"
 
 namespace hedgehop::output {
 namespace {
 
-struct DatasetCloser {
-  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
-};
-using DatasetPointer = std::unique_ptr<GDALDataset, DatasetCloser>;
-
-// Collects GDAL's errors of this thread instead of printing them.
-class GdalErrors {
- public:
-  GdalErrors() { CPLPushErrorHandlerEx(&GdalErrors::on_error, this); }
-  ~GdalErrors() { CPLPopErrorHandler(); }
-  GdalErrors(const GdalErrors&) = delete;
-  GdalErrors& operator=(const GdalErrors&) = delete;
-  void require(bool condition, const std::string& what) const {
-    if (!condition || !first_.empty()) {
-      throw SystemFailure(what + " cannot be made: " + first_);
-    }
-  }
-  [[nodiscard]] const std::string& first() const { return first_; }
-
- private:
-  static void CPL_STDCALL on_error(CPLErr severity, CPLErrorNum, const char* text) {
-    auto* self = static_cast<GdalErrors*>(CPLGetErrorHandlerUserData());
-    if (severity >= CE_Failure && self->first_.empty()) {
-      self->first_ = text;
-    }
-  }
-  std::string first_;
-};
-
-// A value of this thread, put back at the end.
-class GdalSetting {
- public:
-  GdalSetting(const char* key, const char* value) : key_(key) {
-    if (const char* before = CPLGetThreadLocalConfigOption(key, nullptr)) {
-      before_ = before;
-    }
-    CPLSetThreadLocalConfigOption(key, value);
-  }
-  ~GdalSetting() { CPLSetThreadLocalConfigOption(key_, before_ ? before_->c_str() : nullptr); }
-  GdalSetting(const GdalSetting&) = delete;
-  GdalSetting& operator=(const GdalSetting&) = delete;
-
- private:
-  const char* key_;
-  std::optional<std::string> before_;
-};
-
-// A file in memory, so that the disk is met by one function alone, which reports when it is full.
-class MemoryFile {
- public:
-  explicit MemoryFile(const std::string& name)
-      : folder_("/vsimem/hedgehop_" + std::to_string(reinterpret_cast<std::uintptr_t>(this))),
-        path_(folder_ + "/" + name) {}
-  ~MemoryFile() { VSIRmdirRecursive(folder_.c_str()); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-
-  [[nodiscard]] const char* path() const { return path_.c_str(); }
-  [[nodiscard]] std::string bytes() const {
-    vsi_l_offset size = 0;
-    const GByte* data = VSIGetMemFileBuffer(path_.c_str(), &size, FALSE);
-    HEDGEHOP_ASSERT(data != nullptr);
-    return {reinterpret_cast<const char*>(data), static_cast<std::size_t>(size)};
-  }
-
- private:
-  std::string folder_;
-  std::string path_;
-};
+using geo::DatasetPointer;
+using geo::GdalErrors;
+using geo::GdalSetting;
+using geo::MemoryFile;
 
 constexpr char kGpkg[] = "the GeoPackage";
+
+std::string text_of(const MemoryFile& file) {
+  const ByteView bytes = file.bytes();
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+void require_made(bool condition, const GdalErrors& errors, const std::string& what) {
+  if (!condition || !errors.first().empty()) {
+    throw SystemFailure(what + " cannot be made: " + errors.first());
+  }
+}
 
 // The map's coordinate system with the datum of its heights, where that has a code.
 OGRSpatialReference reference_of(const flight::MapIdentity& map) {
@@ -125,16 +72,16 @@ class GpkgWriter {
     CPLStringList options;
     options.SetNameValue("DESCRIPTION", description_.c_str());
     OGRLayer* layer = dataset_.CreateLayer(name, &reference_, type, options.List());
-    errors_.require(layer != nullptr, kGpkg);
+    require_made(layer != nullptr, errors_, kGpkg);
     for (const auto& [field, field_type] : fields) {
       OGRFieldDefn definition(field, field_type);
-      errors_.require(layer->CreateField(&definition) == OGRERR_NONE, kGpkg);
+      require_made(layer->CreateField(&definition) == OGRERR_NONE, errors_, kGpkg);
     }
     return *layer;
   }
   void add(OGRLayer& layer, OGRFeature& feature, const OGRGeometry& geometry) const {
     feature.SetGeometry(&geometry);
-    errors_.require(layer.CreateFeature(&feature) == OGRERR_NONE, kGpkg);
+    require_made(layer.CreateFeature(&feature) == OGRERR_NONE, errors_, kGpkg);
   }
 
  private:
@@ -257,7 +204,7 @@ void copy_rasters(const std::filesystem::path& map_folder, const char* path,
           GDALTranslateOptionsNew(arguments.List(), nullptr), &GDALTranslateOptionsFree);
       const DatasetPointer copy(GDALDataset::FromHandle(
           GDALTranslate(path, GDALDataset::ToHandle(source.get()), options.get(), nullptr)));
-      errors.require(copy != nullptr, kGpkg);
+      require_made(copy != nullptr, errors, kGpkg);
       is_first = false;
     }
   }
@@ -268,7 +215,7 @@ void copy_features(const std::filesystem::path& map_folder, GDALDataset& dataset
   const DatasetPointer source = opened(map_folder / "features.gpkg", GDAL_OF_VECTOR);
   for (int i = 0; i < source->GetLayerCount(); ++i) {
     OGRLayer* layer = source->GetLayer(i);
-    errors.require(dataset.CopyLayer(layer, layer->GetName()) != nullptr, kGpkg);
+    require_made(dataset.CopyLayer(layer, layer->GetName()) != nullptr, errors, kGpkg);
   }
 }
 
@@ -279,15 +226,15 @@ std::string kmz_bytes(const std::string& text) {
   {
     const GdalErrors errors;
     void* archive = CPLCreateZip(memory.path(), nullptr);
-    errors.require(archive != nullptr, "the archive");
+    require_made(archive != nullptr, errors, "the archive");
     const bool is_written =
         CPLCreateFileInZip(archive, "doc.kml", nullptr) == CE_None &&
         CPLWriteFileInZip(archive, text.data(), static_cast<int>(text.size())) == CE_None &&
         CPLCloseFileInZip(archive) == CE_None;
     const bool is_closed = CPLCloseZip(archive) == CE_None;
-    errors.require(is_written && is_closed, "the archive");
+    require_made(is_written && is_closed, errors, "the archive");
   }
-  return memory.bytes();
+  return text_of(memory);
 }
 
 std::string gpkg_bytes(const flight::Plan& plan, const Places& places,
@@ -308,8 +255,8 @@ std::string gpkg_bytes(const flight::Plan& plan, const Places& places,
       dataset.reset(GDALDataset::Open(memory.path(), GDAL_OF_VECTOR | GDAL_OF_UPDATE, nullptr,
                                       nullptr, nullptr));
     }
-    errors.require(dataset != nullptr, kGpkg);
-    errors.require(dataset->StartTransaction() == OGRERR_NONE, kGpkg);
+    require_made(dataset != nullptr, errors, kGpkg);
+    require_made(dataset->StartTransaction() == OGRERR_NONE, errors, kGpkg);
     OGRSpatialReference reference = reference_of(plan.route_plan.map);
     std::string description;
     for (const std::string& line : product_lines(plan)) {
@@ -318,15 +265,15 @@ std::string gpkg_bytes(const flight::Plan& plan, const Places& places,
     GpkgWriter writer(*dataset, reference, errors, description);
     write_flight(plan, places, request.start_time, writer);
     write_route(plan, writer);
-    errors.require(dataset->CommitTransaction() == OGRERR_NONE, kGpkg);
+    require_made(dataset->CommitTransaction() == OGRERR_NONE, errors, kGpkg);
     if (!request.map_folder.empty()) {
       copy_features(request.map_folder, *dataset, errors);
     }
     dataset->FlushCache(true);
     dataset.reset();
-    errors.require(true, kGpkg);
+    require_made(true, errors, kGpkg);
   }
-  return memory.bytes();
+  return text_of(memory);
 }
 
 }  // namespace hedgehop::output

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "base/errors.hpp"
+#include "geo/gdal_guards.hpp"
 
 namespace hedgehop::preparation {
 namespace {
@@ -17,16 +18,12 @@ namespace {
 // GDAL looks at nothing but the whole call, so stopping is possible between batches only.
 constexpr std::size_t kBatch = 256;
 
-struct DatasetCloser {
-  void operator()(GDALDataset* dataset) const { GDALClose(dataset); }
-};
-
 // A raster that shares the grid's memory; rows grow northwards as in the grid.
 template <typename T>
-std::unique_ptr<GDALDataset, DatasetCloser> shared_dataset(raster::Grid<T>& grid) {
+geo::DatasetPointer shared_dataset(raster::Grid<T>& grid) {
   GDALDriver* memory = GetGDALDriverManager()->GetDriverByName("MEM");
   HEDGEHOP_ASSERT(memory != nullptr);
-  std::unique_ptr<GDALDataset, DatasetCloser> dataset(
+  geo::DatasetPointer dataset(
       memory->Create("", grid.columns(), grid.rows(), 0, GDT_Unknown, nullptr));
   std::array<char, 64> pointer{};
   pointer[static_cast<std::size_t>(CPLPrintPointer(pointer.data(), grid.values().data(), 63))] =
@@ -62,13 +59,12 @@ void burn(raster::Grid<T>& grid, const std::vector<BurnItem>& items, Touch touch
       values[i] = items[begin + i].value;
     }
     int band = 1;
-    CPLPushErrorHandler(CPLQuietErrorHandler);
+    const geo::GdalErrors errors;
     const CPLErr result = GDALRasterizeGeometries(
         GDALDataset::ToHandle(dataset.get()), 1, &band, static_cast<int>(count), geometries.data(),
         nullptr, nullptr, values.data(), options.List(), nullptr, nullptr);
-    CPLPopErrorHandler();
     if (result != CE_None) {
-      throw std::runtime_error(std::string("rasterising failed: ") + CPLGetLastErrorMsg());
+      throw std::runtime_error("rasterising failed: " + errors.first());
     }
   }
   dataset->FlushCache(false);

@@ -1,10 +1,11 @@
 #include "preparation/settlements.hpp"
 
 #include <algorithm>
-#include <cpl_error.h>
 #include <numeric>
 #include <ogr_geometry.h>
 #include <stdexcept>
+
+#include "geo/gdal_guards.hpp"
 
 namespace hedgehop::preparation {
 namespace {
@@ -14,7 +15,7 @@ constexpr int kQuadrantSegments = 6;  // of round corners: 1 % of the radius too
 constexpr std::size_t kUnionBatch = 64;
 
 GeometryPointer buffered(const OGRGeometry& geometry, double distance_m) {
-  CPLPushErrorHandler(CPLQuietErrorHandler);
+  const geo::GdalErrors quiet;
   GeometryPointer result(geometry.Buffer(distance_m, kQuadrantSegments));
   if (!result) {
     // Rounding to millimetres may have made a ring cross itself.
@@ -23,7 +24,6 @@ GeometryPointer buffered(const OGRGeometry& geometry, double distance_m) {
       result.reset(repaired->Buffer(distance_m, kQuadrantSegments));
     }
   }
-  CPLPopErrorHandler();
   return result;
 }
 
