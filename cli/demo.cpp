@@ -16,6 +16,7 @@
 #include "plan_result.hpp"
 #include "planning/planning.hpp"
 #include "preparation/prepare.hpp"
+#include "report.hpp"
 #include "service_children.hpp"
 #include "verbs.hpp"
 
@@ -111,6 +112,10 @@ ExitCode run(const Console& console, const DemoArguments& arguments) {
   output::write_plan_bundle(plan, out / "plan");
   console.say("drawing");
   output::write_figures(plan, map, out / "plan" / "figures");
+  ReportRequest report;
+  report.plan_folder = out / "plan";
+  report.map_folder = out / "map";
+  write_file_atomically(out / "plan" / "report.html", report_html(report, plan, map));
   timer.lap("write");
   timer.write(out / "plan");
 
@@ -134,6 +139,7 @@ ExitCode run(const Console& console, const DemoArguments& arguments) {
 
   const std::filesystem::path done = arguments.out;
   const ExitCode code = report_plan(console, plan, (done / "plan").string());
+  console.say("report        " + (done / "plan" / "report.html").string());
   console.say("picture       " + (done / "plan" / "figures" / "plan.png").string());
   console.say("log           " + (done / "flight.lcmlog").string() +
               " (hedgehop log info, hedgehop replay, lcm-logplayer)");
@@ -144,10 +150,10 @@ ExitCode run(const Console& console, const DemoArguments& arguments) {
 
 void add_demo_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand(
-      "demo",
-      "The whole chain on an invented region: prepare, services, request over LCM, figures");
+      "demo", "The whole chain on an invented region: prepare, services, request over LCM, report");
   verb->footer(
-      "Needs no files and no network. Leaves the region, its map, the plan with pictures, and the "
+      "Needs no files and no network. Leaves the region, its map, the plan with its report and "
+      "pictures, and the "
       "log of everything that went over the bus.\n"
       "Example:\n"
       "  hedgehop demo --out demo");

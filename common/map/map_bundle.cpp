@@ -36,6 +36,7 @@ constexpr std::int64_t kCellsMax = 400'000'000;
 constexpr std::uintmax_t kManifestBytesMax = 64U << 20U;
 constexpr std::int64_t kFeaturesMax = 20'000'000;  // of one layer
 constexpr char kPrepareAgain[] = "prepare the map again";
+constexpr int kHeightBandsMax = 1000;
 // Deflate cannot shrink by more than 1032; a file that claims more cells than that is damaged.
 constexpr double kDeflateRatioMax = 1100.0;
 
@@ -822,6 +823,36 @@ void write_height_bands(const Map& map, const std::vector<NamedBand>& bands, con
     layers.push_back({band.height_m, band.name, {}});
   }
   write_bands(map, layers, {"m", std::numeric_limits<double>::quiet_NaN(), 1.0}, observer, file);
+}
+
+std::vector<HeightLayer> read_height_bands(const Map& map, const fs::path& file) {
+  register_drivers();
+  std::vector<std::string> names;
+  {
+    const GdalErrors errors;
+    static const char* const kDrivers[] = {"GTiff", nullptr};
+    static const char* const kNoSiblings[] = {nullptr};
+    const DatasetPointer dataset(static_cast<GDALDataset*>(
+        GDALOpenEx(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_INTERNAL, kDrivers,
+                   nullptr, kNoSiblings)));
+    if (!dataset) {
+      throw DataError(file.string() + ": is not a GeoTIFF: " + errors.first(), kPrepareAgain);
+    }
+    if (dataset->GetRasterCount() < 1 || dataset->GetRasterCount() > kHeightBandsMax) {
+      throw DataError(file.string() + ": has " + std::to_string(dataset->GetRasterCount()) +
+                          " bands, 1 to " + std::to_string(kHeightBandsMax) + " are possible",
+                      kPrepareAgain);
+    }
+    for (int i = 1; i <= dataset->GetRasterCount(); ++i) {
+      names.emplace_back(dataset->GetRasterBand(i)->GetDescription());
+    }
+  }
+  std::vector<raster::Grid<float>> grids = read_bands<float>(map.geometry, names.size(), file);
+  std::vector<HeightLayer> layers;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    layers.push_back({names[i], std::move(grids[i])});
+  }
+  return layers;
 }
 
 Map read_map_bundle(const fs::path& folder) {

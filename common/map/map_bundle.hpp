@@ -29,6 +29,13 @@ struct NamedBand {
 void write_height_bands(const Map& map, const std::vector<NamedBand>& bands,
                         const std::filesystem::path& file, const Observer* observer = nullptr);
 
+/// Reads them back: every band of the file, which must lie on the map's cells. Throws DataError.
+struct HeightLayer {
+  std::string name;
+  raster::Grid<float> height_m;
+};
+std::vector<HeightLayer> read_height_bands(const Map& map, const std::filesystem::path& file);
+
 /// Reads a bundle and checks its schema version, layers and hash. Throws DataError.
 Map read_map_bundle(const std::filesystem::path& folder);
 

@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "base/angles.hpp"
-#include "base/config_reader.hpp"
 #include "base/errors.hpp"
 #include "base/files.hpp"
 #include "output/gnuplot.hpp"
 #include "output/map_images.hpp"
+#include "output/plan_view.hpp"
 
 namespace hedgehop::output {
 namespace {
@@ -23,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kImageColumns = 900;
+constexpr double kPdfPixelsPerInch = 96.0;
 constexpr double kTitle_px = 74.0;       // title and subtitle
 constexpr double kFooterLine_px = 17.0;  // one attribution
 constexpr double kLeftAxis_px = 84.0;
@@ -56,75 +57,13 @@ struct Box {
   return buffer.data();
 }
 
-/// Numbers that the plan's config states and the figures show.
-struct Demands {
-  std::optional<double> reference_height_m;
-  std::optional<double> ceiling_height_m;
-  std::optional<double> required_clearance_m;
-  std::optional<double> bank_max_rad;
-};
-
-Demands demands_of(const std::string& config_text) {
-  Demands demands;
-  // A config of another version may lack some of them; then they are not drawn.
-  const auto try_to = [&](const auto& read) {
-    try {
-      ConfigReader reader = ConfigReader::from_text(config_text, "config of the plan");
-      read(reader);
-    } catch (const UserError&) {
-    }
-  };
-  try_to([&](ConfigReader& reader) {
-    demands.reference_height_m = reader.required_double("reference_height_m");
-  });
-  try_to([&](ConfigReader& reader) {
-    ConfigReader section = reader.required_section("verification");
-    demands.ceiling_height_m = section.required_double("ceiling_height_m");
-    demands.required_clearance_m = section.required_double("required_clearance_m");
-  });
-  try_to([&](ConfigReader& reader) {
-    ConfigReader vehicle = reader.required_section("vehicle");
-    ConfigReader limits = vehicle.required_section("limits");
-    demands.bank_max_rad = limits.required_angle("bank_max_deg");
-  });
-  return demands;
-}
-
-/// Heading and target heading, followed through north instead of jumping there: the flown heading
-/// may leave [0, 360), the target lies within half a turn of it.
-struct Headings {
-  std::vector<double> flown_deg;
-  std::vector<double> target_deg;
-  double low_deg = 0.0;
-  double high_deg = 0.0;
-};
-
-Headings followed_headings(const flight::Trajectory& trajectory) {
-  Headings headings;
-  double flown_rad = wrap_to_two_pi(trajectory.states.front().heading_true_rad);
-  headings.low_deg = std::numeric_limits<double>::infinity();
-  headings.high_deg = -headings.low_deg;
-  for (const flight::FlightState& state : trajectory.states) {
-    const double step_rad = wrap_to_pi(state.heading_true_rad - flown_rad);
-    flown_rad += std::isnan(step_rad) ? 0.0 : step_rad;
-    headings.flown_deg.push_back(degrees_from_radians(flown_rad));
-    headings.target_deg.push_back(
-        degrees_from_radians(flown_rad + wrap_to_pi(state.target_heading_true_rad - flown_rad)));
-    for (const double value : {headings.flown_deg.back(), headings.target_deg.back()}) {
-      headings.low_deg = std::fmin(headings.low_deg, value);
-      headings.high_deg = std::fmax(headings.high_deg, value);
-    }
-  }
-  return headings;
-}
-
 /// What all figures of one plan share.
 struct Scene {
   const flight::Plan* plan = nullptr;
   const map::Map* map = nullptr;
   MapWindow window;
   std::vector<double> distance_km;  // along the flown track, for each state
-  Demands demands;
+  PlanDemands demands;
   Headings headings;
   HeightRange range;
   double visibility_high = 1.0;  // upper end of the scale
@@ -139,41 +78,6 @@ bool has_areas(const map::Map& map, bool is_hard) {
                      [&](const map::Area& area) { return area.is_hard == is_hard; });
 }
 
-MapWindow window_of(const flight::Plan& plan, const map::Map& map) {
-  const raster::GridGeometry& g = map.geometry;
-  MapWindow window{1e300, 1e300, -1e300, -1e300};
-  const auto include = [&](const geo::MapPoint& p) {
-    window.west_m = std::min(window.west_m, p.x_m);
-    window.east_m = std::max(window.east_m, p.x_m);
-    window.south_m = std::min(window.south_m, p.y_m);
-    window.north_m = std::max(window.north_m, p.y_m);
-  };
-  for (const flight::FlightState& state : plan.trajectory.states) {
-    include(state.point());
-  }
-  for (const flight::Waypoint& waypoint : plan.route_plan.route.waypoints) {
-    include(waypoint.point());
-  }
-  const double longest_m = std::max(window.width_m(), window.height_m());
-  const double margin_m = std::max(800.0, 0.10 * longest_m);
-  // A flight along an axis still gets a picture with two sides.
-  const auto grown = [&](double& low_m, double& high_m, double least_m, double lowest_m,
-                         double highest_m) {
-    const double half_m =
-        std::max(0.5 * (high_m - low_m) + margin_m, 0.5 * std::max(least_m, 10.0 * g.cell_m));
-    const double centre_m = 0.5 * (low_m + high_m);
-    low_m = std::max(centre_m - half_m, lowest_m);
-    high_m = std::min(centre_m + half_m, highest_m);
-  };
-  grown(window.west_m, window.east_m, 0.5 * longest_m, g.west_m, g.east_m());
-  grown(window.south_m, window.north_m, 0.5 * longest_m, g.south_m, g.north_m());
-  if (!(window.width_m() > g.cell_m) || !(window.height_m() > g.cell_m)) {
-    throw DataError("figures: the plan lies outside its map",
-                    "give the map that the plan was made on");
-  }
-  return window;
-}
-
 Scene scene_of(const flight::Plan& plan, const map::Map& map) {
   if (plan.trajectory.states.size() < 2 || plan.route_plan.route.waypoints.size() < 2) {
     throw DataError("figures: the plan has no path to draw", "plan again");
@@ -181,7 +85,7 @@ Scene scene_of(const flight::Plan& plan, const map::Map& map) {
   Scene scene;
   scene.plan = &plan;
   scene.map = &map;
-  scene.window = window_of(plan, map);
+  scene.window = window_around({&plan}, map);
   scene.range = surface_range(map, scene.window);
   scene.visibility_high = visibility_scale(map, scene.window);
   scene.headings = followed_headings(plan.trajectory);
@@ -409,13 +313,19 @@ std::string subtitle_of(const Scene& scene) {
 
 class Script {
  public:
-  Script(const Scene& scene, double width_px, double height_px, const std::string& output)
+  Script(const Scene& scene, double width_px, double height_px, const std::string& name)
       : scene_(scene), width_px_(width_px), height_px_(height_px) {
-    add(
-        text_of("set terminal pngcairo noenhanced size %.0f,%.0f font 'DejaVu Sans,11' "
-                "background '#ffffff'\n",
-                width_px, height_px));
-    add("set encoding utf8\nset output '" + output + "'\n");
+    add("# gnuplot -d -e \"kind='svg'\" " + name + ".gp draws " + name +
+        ".svg.part; kind is png, svg or pdf\nif (!exists('kind')) kind = 'png'\n");
+    const auto terminal = [&](const char* kind, const std::string& text) {
+      add(std::string("if (kind eq '") + kind + "') { set terminal " + text +
+          " noenhanced font 'DejaVu Sans,11' background '#ffffff' }\n");
+    };
+    terminal("png", text_of("pngcairo size %.0f,%.0f", width_px, height_px));
+    terminal("svg", text_of("svg size %.0f,%.0f dynamic fontscale 1.2", width_px, height_px));
+    terminal("pdf", text_of("pdfcairo size %.3fin,%.3fin", width_px / kPdfPixelsPerInch,
+                            height_px / kPdfPixelsPerInch));
+    add("set encoding utf8\nset output '" + name + ".'.kind.'.part'\n");
     add("set style line 1 lw 4.6 lc rgb '" + std::string(kRouteColor) + "'\n");
     add("set style line 2 lw 2.0 lc rgb '" + std::string(kTrackColor) + "'\n");
     add("set style line 3 lw 1.8 lc rgb '" + std::string(kRouteColorOnWhite) + "'\n");
@@ -474,12 +384,6 @@ class Script {
   double height_px_;
   std::string text_;
 };
-
-/// 1, 2 or 5 times a power of ten, at most `value`.
-double round_number_below(double value) {
-  const double power = std::pow(10.0, std::floor(std::log10(value)));
-  return power * (value >= 5.0 * power ? 5.0 : value >= 2.0 * power ? 2.0 : 1.0);
-}
 
 /// Corners of the window, as shares of its width and height, those far from both paths first.
 std::array<std::pair<double, double>, 4> corners_far_from_paths(const Scene& scene) {
@@ -802,7 +706,7 @@ void add_profiles(Script& script, const Scene& scene, const Box& area) {
       "samplen "
       "2.2 maxrows 1 font 'DejaVu Sans,10' noautotitle\n");
 
-  const Demands& demands = scene.demands;
+  const PlanDemands& demands = scene.demands;
   // Altitude.
   script.place(next_box(0.42));
   script.add(text_of("set yrange [%.1f:%.1f]\n", scene.altitude_low_m, scene.altitude_high_m));
@@ -883,26 +787,28 @@ void add_profiles(Script& script, const Scene& scene, const Box& area) {
   script.add("unset grid\nset ytics auto\n");
 }
 
-/// Draws one figure, which appears under its name only when it is complete.
+/// Draws one figure in every format, each of which appears under its name only when it is complete.
 void draw(const fs::path& folder, const std::string& name, const Script& script) {
-  const fs::path unfinished = folder / (name + ".png.part");
   write_file_atomically(folder / (name + ".gp"), script.finished());
-  std::error_code error;
-  fs::remove(unfinished, error);
-  try {
-    run_gnuplot(folder, name + ".gp");
-    if (!fs::is_regular_file(unfinished, error) || fs::file_size(unfinished, error) == 0) {
-      throw SystemFailure("figures: gnuplot left no picture in " + folder.string(),
-                          "is the disk full?");
-    }
-    fs::rename(unfinished, folder / (name + ".png"), error);
-    if (error) {
-      throw SystemFailure("figures: " + (folder / (name + ".png")).string() + ": " +
-                          error.message());
-    }
-  } catch (...) {
+  for (const char* kind : {"png", "svg", "pdf"}) {
+    const fs::path finished = folder / (name + "." + kind);
+    const fs::path unfinished = finished.string() + ".part";
+    std::error_code error;
     fs::remove(unfinished, error);
-    throw;
+    try {
+      run_gnuplot(folder, name + ".gp", std::string("kind='") + kind + "'");
+      if (!fs::is_regular_file(unfinished, error) || fs::file_size(unfinished, error) == 0) {
+        throw SystemFailure("figures: gnuplot left no picture in " + folder.string(),
+                            "is the disk full?");
+      }
+      fs::rename(unfinished, finished, error);
+      if (error) {
+        throw SystemFailure("figures: " + finished.string() + ": " + error.message());
+      }
+    } catch (...) {
+      fs::remove(unfinished, error);
+      throw;
+    }
   }
 }
 
@@ -949,7 +855,7 @@ void write_figures(const flight::Plan& plan, const map::Map& map, const fs::path
     const double area_px =
         is_wide ? stacked_height_px(scene, width_px) : side_by_side_height_px(scene, width_px);
     const double height_px = std::ceil(kTitle_px + area_px + footer_px);
-    Script script(scene, width_px, height_px, "map.png.part");
+    Script script(scene, width_px, height_px, "map");
     add_path_legend(script, width_px, height_px);
     const Box area{0.0, footer_px, width_px, area_px};
     if (is_wide) {
@@ -962,7 +868,7 @@ void write_figures(const flight::Plan& plan, const map::Map& map, const fs::path
   {
     const double width_px = 1500.0;
     const double area_px = 900.0;
-    Script script(scene, width_px, std::ceil(kTitle_px + area_px + footer_px), "profile.png.part");
+    Script script(scene, width_px, std::ceil(kTitle_px + area_px + footer_px), "profile");
     add_profiles(script, scene, {0.0, footer_px, width_px, area_px});
     draw(folder, "profile", script);
   }
@@ -971,7 +877,7 @@ void write_figures(const flight::Plan& plan, const map::Map& map, const fs::path
     const double maps_px = side_by_side_height_px(scene, width_px);
     const double profiles_px = 760.0;
     const double height_px = std::ceil(kTitle_px + maps_px + 20.0 + profiles_px + footer_px);
-    Script script(scene, width_px, height_px, "plan.png.part");
+    Script script(scene, width_px, height_px, "plan");
     add_path_legend(script, width_px, height_px);
     add_maps_side_by_side(script, scene, {0.0, footer_px + profiles_px + 20.0, width_px, maps_px});
     add_profiles(script, scene, {0.0, footer_px, width_px, profiles_px});

@@ -53,7 +53,8 @@ struct FileActions {
 
 }  // namespace
 
-void run_gnuplot(const std::filesystem::path& folder, const std::string& script) {
+void run_gnuplot(const std::filesystem::path& folder, const std::string& script,
+                 const std::string& first) {
   std::array<int, 2> ends{};
   if (::pipe2(ends.data(), O_CLOEXEC) != 0) {
     fail("no pipe to gnuplot", errno);
@@ -68,8 +69,11 @@ void run_gnuplot(const std::filesystem::path& folder, const std::string& script)
 
   std::string program = "gnuplot";
   std::string defaults = "-d";
+  std::string option = "-e";
+  std::string command = first;
   std::string file = script;
-  std::array<char*, 4> arguments = {program.data(), defaults.data(), file.data(), nullptr};
+  std::array<char*, 6> arguments = {program.data(), defaults.data(), option.data(),
+                                    command.data(), file.data(),     nullptr};
   pid_t child = 0;
   const int error =
       ::posix_spawnp(&child, program.c_str(), &actions.value, nullptr, arguments.data(), environ);

@@ -208,6 +208,54 @@ Image semantics_image(const map::Map& map, const MapWindow& window, int columns)
   });
 }
 
+Image hillshade_image(const map::Map& map, const MapWindow& window, int columns) {
+  const double step_m = std::max(window.width_m() / columns, 1.5 * map.geometry.cell_m);
+  return image_of(window, columns, [&](const geo::MapPoint& p) {
+    if (std::isnan(raster::sample_bilinear(map.surface_m, p))) {
+      return kUnknown;
+    }
+    const double light = relief(map, p, step_m, 1.7);
+    const double grey = light < 1.0 ? 0.35 + 0.5 * light : 0.85 + 0.36 * (light - 1.0);
+    return Color{grey, grey, grey};
+  });
+}
+
+Image surface_tint_image(const map::Map& map, const MapWindow& window, int columns) {
+  const HeightRange range = surface_range(map, window);
+  return image_of(window, columns, [&](const geo::MapPoint& p) {
+    const double z = raster::sample_bilinear(map.surface_m, p);
+    return std::isnan(z)
+               ? kUnknown
+               : surface_tint((z - range.low_m) / std::max(range.high_m - range.low_m, 1.0));
+  });
+}
+
+Image semantics_tint_image(const map::Map& map, const MapWindow& window, int columns) {
+  return image_of(window, columns, [&](const geo::MapPoint& p) {
+    const raster::CellIndex cell = map.geometry.cell_at(p);
+    if (map.geometry.contains(cell)) {
+      const std::uint16_t bits = map.semantics.at(cell);
+      for (const ClassStyle& style : kClasses) {
+        if (has(bits, style.bit)) {
+          return rgb(style.color);
+        }
+      }
+    }
+    return Color{1.0, 1.0, 1.0};
+  });
+}
+
+Image seen_image(const raster::Grid<float>& lowest_seen_m, const MapWindow& window, int columns,
+                 double height_m) {
+  const raster::GridGeometry& geometry = lowest_seen_m.geometry();
+  return image_of(window, columns, [&](const geo::MapPoint& p) {
+    const raster::CellIndex cell = geometry.cell_at(p);
+    const bool is_seen =
+        geometry.contains(cell) && static_cast<double>(lowest_seen_m.at(cell)) <= height_m;
+    return is_seen ? Color{1.0, 0.55, 0.5} : Color{1.0, 1.0, 1.0};
+  });
+}
+
 std::vector<LegendEntry> semantics_legend(const map::Map& map, const MapWindow& window) {
   std::uint16_t all = 0;
   for_each_cell(map, window, [&](raster::CellIndex cell) { all |= map.semantics.at(cell); });

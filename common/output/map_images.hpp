@@ -58,6 +58,14 @@ Color visibility_color(double share_of_scale);
 /// Semantic classes over pale relief.
 Image semantics_image(const map::Map& map, const MapWindow& window, int columns);
 
+/// Layers to lie over a hillshade, multiplied with it: white changes nothing.
+Image hillshade_image(const map::Map& map, const MapWindow& window, int columns);
+Image surface_tint_image(const map::Map& map, const MapWindow& window, int columns);
+Image semantics_tint_image(const map::Map& map, const MapWindow& window, int columns);
+/// Where something at least `height_m` above the surface is seen: red.
+Image seen_image(const raster::Grid<float>& lowest_seen_m, const MapWindow& window, int columns,
+                 double height_m);
+
 struct LegendEntry {
   Color color;
   std::string text;

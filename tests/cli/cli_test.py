@@ -782,7 +782,51 @@ class Json(CliTest):
         self.assertLess(risk["least_clearance_m"]["p05"], margins["clearance_m"]["min"])
         # start and goal lie 8.82 km apart; a route is never shorter than that, less the goal's radius
         self.assertGreater(plan["length_m"], 8700.0)
-        self.one_object("report", self.work / "plan", "--map", self.map)
+        found = self.one_object("report", self.work / "plan", "--map", self.map)
+        self.assertEqual(found["report"], str(self.work / "plan" / "report.html"))
+        self.assertEqual(found["figures"], str(self.work / "plan" / "figures"))
+        self.assertEqual(sorted(path.name for path in (self.work / "plan" / "figures").iterdir() if path.suffix in (".gp", ".pdf", ".svg", ".png")),
+                         sorted(f"{name}.{suffix}" for name in ("map", "plan", "profile") for suffix in ("gp", "pdf", "png", "svg")))
+
+    def test_report_replaces_nothing_unasked_and_keeps_figures(self):
+        shutil.copytree(self.plan, self.work / "plan")
+        report, figures = self.work / "plan" / "report.html", self.work / "plan" / "figures"
+        figures.mkdir()
+        (figures / "plan.gp").write_text("mine")
+        result = self.hedgehop("report", self.work / "plan", "--map", self.map)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("left as they are", result.stderr)
+        self.assertEqual((figures / "plan.gp").read_text(), "mine")
+        first = report.read_bytes()
+        result = self.hedgehop("report", self.work / "plan", "--map", self.map)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertRegex(result.stderr, "(?m)^error: output file .*report.html exists already$")
+        self.assertEqual(report.read_bytes(), first)
+        result = self.hedgehop("report", self.work / "plan", "--map", self.map, "--overwrite")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(report.read_bytes(), first)  # same plan, same bytes
+        self.assertNotEqual((figures / "plan.gp").read_text(), "mine")
+
+    def test_report_of_observers_and_another_plan(self):
+        observers = self.work / "observers.yaml"
+        observers.write_text("observers:\n  - {name: tower <x>, latitude_deg: 49.54, longitude_deg: 11.45, mast_height_m: 200, range_m: 9000}\n")
+        self.one_object("prepare", "--dem", self.hgt, "--bbox", BBOX, "--cell-m", CELL_M, "--observers", observers, "--out", self.work / "map")
+        arguments = ["plan", "--map", self.work / "map", "--start", START, "--goal", GOAL, "--work", WORK]
+        self.one_object(*arguments, "--out", self.work / "plan", allowed=(0, 4))
+        self.one_object(*arguments, "--set", "weights.visibility=0", "--out", self.work / "other", allowed=(0, 4))
+        self.one_object("report", self.work / "plan", "--map", self.work / "map", "--compare", self.work / "other", "--no-figures",
+                        "--out", self.work / "page.html", "--set", "legs.tolerance_m=30")
+        page = (self.work / "page.html").read_text()
+        self.assertRegex(page, r'<table id="exposure-table">[\s\S]*tower &lt;x&gt;</td><td>[0-9.]+ s</td>')
+        self.assertRegex(page, r'<table id="alternative-table">[\s\S]*/other</td>')
+        self.assertFalse((self.work / "plan" / "figures").exists())
+        result = self.hedgehop("report", self.plan, "--map", self.work / "map", "--out", self.work / "none.html")
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("was made on map", result.stderr)
+        self.assertFalse((self.work / "none.html").exists())
+        for wrong, code in ((["--start-time", "noon"], 2), (["--set", "legs.tolerance_m=0"], 2), (["--declination-deg", "200"], 2)):
+            self.assertEqual(self.hedgehop("report", self.work / "plan", "--map", self.work / "map", "--no-figures", "--out",
+                                           self.work / "none.html", *wrong).returncode, code, wrong)
 
     def test_export(self):
         found = self.one_object("export", self.plan, "--map", self.map, "--format", "kml,kmz,geojson,gpkg,gpx,csv,qgc",

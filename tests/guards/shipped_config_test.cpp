@@ -17,6 +17,9 @@
 
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
+#include "briefing/cost_profile.hpp"
+#include "briefing/flight_legs.hpp"
+#include "briefing/manoeuvres.hpp"
 #include "command_model/command_model.hpp"
 #include "evaluation/clearance_risk.hpp"
 #include "evaluation/local_flights.hpp"
@@ -74,6 +77,17 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   reader.finish();
 }
 
+void read_report_file(const std::string& text, const std::string& name) {
+  ConfigReader reader = ConfigReader::from_text(text, name);
+  ConfigReader legs = reader.required_section("legs");
+  briefing::read_leg_options(legs);
+  ConfigReader manoeuvres = reader.required_section("manoeuvres");
+  briefing::read_manoeuvre_options(manoeuvres);
+  ConfigReader costs = reader.required_section("costs");
+  briefing::read_cost_options(costs);
+  reader.finish();
+}
+
 void read_uncertainty_file(const std::string& text, const std::string& name) {
   ConfigReader reader = ConfigReader::from_text(text, name);
   evaluation::read_uncertainty_options(reader);
@@ -114,6 +128,7 @@ const Guarded* guarded(const std::string& file) {
       {"prepare.yaml", {read_prepare_file, {}}},
       {"evaluation.yaml", {read_evaluation_file, {}}},
       {"export.yaml", {read_export_file, {}}},
+      {"report.yaml", {read_report_file, {}}},
       {"uncertainty.yaml", {read_uncertainty_file, {}}},
       {"map_tiler.yaml", {read_whole(services::read_map_tiler_options), {}}},
       {"global_planner.yaml", {read_whole(services::read_planner_options), {}}},

@@ -211,6 +211,31 @@ TEST(MapBundle, HeightBandsAreWrittenWithTheirNames) {
   GDALClose(dataset);
 }
 
+TEST(MapBundle, HeightBandsAreReadBackAsTheyWereWritten) {
+  const Map map = test::make_map(30, 20, 30.0, [](double, double) { return 1.0; });
+  raster::Grid<float> one(map.geometry, 3.0F);
+  one.at(2, 0) = std::numeric_limits<float>::quiet_NaN();
+  raster::Grid<float> two(map.geometry, 0.0F);
+  two.at(29, 19) = 7.5F;
+  test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "threats.tif";
+  write_height_bands(map, {{"tower", &one}, {"hill <x>", &two}}, file);
+
+  const std::vector<HeightLayer> layers = read_height_bands(map, file);
+
+  ASSERT_EQ(layers.size(), 2U);
+  EXPECT_EQ(layers[0].name, "tower");
+  EXPECT_EQ(layers[1].name, "hill <x>");
+  EXPECT_TRUE(std::isnan(layers[0].height_m.at(2, 0)));
+  EXPECT_EQ(layers[0].height_m.at(3, 0), 3.0F);
+  EXPECT_EQ(layers[1].height_m.at(29, 19), 7.5F);
+  EXPECT_EQ(layers[1].height_m.at(0, 0), 0.0F);
+
+  const Map other = test::make_map(30, 21, 30.0, [](double, double) { return 1.0; });
+  EXPECT_THROW(read_height_bands(other, file), DataError);
+  EXPECT_THROW(read_height_bands(map, folder.path() / "none.tif"), DataError);
+}
+
 TEST_F(BundleOnDisk, FilesAreNorthUpWithRowZeroOfMemoryInTheSouth) {
   GDALAllRegister();
   auto* dataset =

@@ -1,0 +1,10 @@
+# Run as a script: writes OUTPUT, a C++ file with FUNCTION(name) that returns the text of FILES (separated by commas).
+string(REPLACE "," ";" files "${FILES}")
+set(body "// Generated.\n#include \"${HEADER}\"\n\n#include <stdexcept>\n#include <string>\n\nnamespace hedgehop::${SPACE} {\n\nstd::string_view ${FUNCTION}(std::string_view name) {\n")
+foreach(file IN LISTS files)
+  get_filename_component(name "${file}" NAME)
+  file(READ "${file}" text)
+  string(APPEND body "  if (name == \"${name}\") {\n    static constexpr char kText[] = R\"embedded(${text})embedded\";\n    return {kText, sizeof kText - 1};\n  }\n")
+endforeach()
+string(APPEND body "  throw std::invalid_argument(\"no embedded file is called '\" + std::string(name) + \"'\");\n}\n\n}  // namespace hedgehop::${SPACE}\n")
+file(WRITE "${OUTPUT}" "${body}")
