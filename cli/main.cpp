@@ -112,6 +112,7 @@ int main(int argc, char** argv) {
   add_evaluate_verb(app, console);
   add_serve_verb(app, console);
   add_request_verb(app, console);
+  add_patch_verb(app, console);
   add_watch_verb(app, console);
   add_log_verb(app, console);
   add_replay_verb(app, console);

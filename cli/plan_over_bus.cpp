@@ -30,13 +30,26 @@ double seconds_since(SteadyTime time) {
 // What has been heard. Handlers outlive the conversation, so they share it.
 struct Heard {
   Hash128 request_id;
-  std::optional<messages::MapIndex> index;
+  std::optional<messages::MapIndex> index;  // of the first map_tiler, or of one that outlasts it
+  std::int64_t tiler_id = 0;
+  int foreign_indices = 0;  // in a row
   struct Stage {
     std::optional<messages::PlanStatus> status;
     SteadyTime time;
   };
   std::array<Stage, 2> stages;
   std::optional<messages::TrajectoryHeader> trajectory;
+
+  void hear(const messages::MapIndex& heard_index, std::int64_t sender_id) {
+    constexpr int kForeignIndicesMax = 2;
+    const bool is_same = index && index->map_hash == heard_index.map_hash;
+    if (index && !is_same && sender_id != tiler_id && ++foreign_indices <= kForeignIndicesMax) {
+      return;
+    }
+    foreign_indices = 0;
+    index = heard_index;
+    tiler_id = sender_id;
+  }
 
   [[nodiscard]] const std::optional<messages::PlanStatus>& status(PlanStage stage) const {
     return stages.at(static_cast<std::size_t>(stage)).status;
@@ -52,7 +65,9 @@ class Conversation {
       : bus_(bus), exchange_(exchange), timeout_s_(timeout_s), observer_(observer) {
     bus.subscribe<messages::MapIndex>(
         messages::kMapIndexChannel,
-        [heard = heard_](const messages::MapIndex& index, const Stamp&) { heard->index = index; });
+        [heard = heard_](const messages::MapIndex& index, const Stamp& stamp) {
+          heard->hear(index, stamp.sender_id);
+        });
     bus.subscribe<messages::PlanStatus>(
         messages::kPlanStatusChannel,
         [heard = heard_](const messages::PlanStatus& status, const Stamp&) {
@@ -81,23 +96,41 @@ class Conversation {
     find_map();
     messages::PlanRequestMessage message;
     message.request = request;
-    message.map_hash = heard_->index->map_hash;
-    message.request_id = flight::plan_request_id(request, message.map_hash, config_text);
     message.config = exchange_.offer(messages::encode_planning_config(config_text), true);
-    heard_->request_id = message.request_id;
-    begin_ = std::chrono::steady_clock::now();
+    const auto begin = [&] {
+      message.map_hash = heard_->index->map_hash;
+      message.request_id = flight::plan_request_id(request, message.map_hash, config_text);
+      heard_->request_id = message.request_id;
+      heard_->stages = {};
+      heard_->trajectory.reset();
+      route_done_.reset();
+      missing_ = -1;
+      begin_ = std::chrono::steady_clock::now();
+    };
+    begin();
     std::optional<SteadyTime> asked;
     while (true) {
+      if (heard_->index->map_hash != message.map_hash) {
+        observer_.note("the map has changed, patch " + std::to_string(heard_->index->patch_number) +
+                       ": planning again");
+        cancel();
+        begin();
+        asked.reset();
+      }
       if (!asked || seconds_since(*asked) > kRepeatPeriod_s) {
         asked = std::chrono::steady_clock::now();
         bus_.publish(messages::kPlanRequestChannel, message, bus_.now());
       }
       turn();
+      if (heard_->index->map_hash != message.map_hash) {
+        continue;
+      }
       if (auto no_plan = answer_without_plan()) {
         return std::move(*no_plan);
       }
       show_progress();
       if (auto plan = collect()) {
+        plan->route_plan.map.patch_number = heard_->trajectory->patch_number;
         return std::move(*plan);
       }
       check_silence();
@@ -112,12 +145,16 @@ class Conversation {
       return;
     }
     if (!heard_->request_id.is_zero()) {
-      for (int i = 0; i < kCancelRepeats; ++i) {
-        bus_.publish(messages::kPlanCancelChannel, messages::PlanCancel{heard_->request_id},
-                     bus_.now());
-      }
+      cancel();
     }
     throw Interrupted();
+  }
+
+  void cancel() {
+    for (int i = 0; i < kCancelRepeats; ++i) {
+      bus_.publish(messages::kPlanCancelChannel, messages::PlanCancel{heard_->request_id},
+                   bus_.now());
+    }
   }
 
   void find_map() {

@@ -14,7 +14,8 @@ namespace hedgehop::cli {
 /// the services.
 ///
 /// The request is repeated until it is answered; its id is that of map, request and config, so that
-/// asking again costs no second planning.
+/// asking again costs no second planning. When the map changes meanwhile (MAP_PATCH), the plan
+/// under way is cancelled and asked for again on the new one; the plan says which patch it knows.
 ///
 /// @param config_text  effective planning config, canonical.
 /// @param timeout_s    longest silence before the first answer of each service; three times as long

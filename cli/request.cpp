@@ -26,14 +26,20 @@ struct BusRequestArguments {
 };
 
 // Figures need the map, which is on the bus too.
-std::shared_ptr<const map::Map> map_from_bus(bus::Bus& bus, bus::BlobExchange& exchange,
+std::shared_ptr<const map::Map> map_from_bus(const Hash128& hash, bus::Bus& bus,
+                                             bus::BlobExchange& exchange,
                                              bus::MapAssembly& assembly, Observer& observer) {
   while (true) {
     bus.poll(std::min(0.05, exchange.next_tick_s(bus.now())));
     exchange.tick(bus.now());
     assembly.tick();
-    if (auto map = assembly.map()) {
+    if (auto map = assembly.map(); map && map->hash == hash) {
       return map;
+    }
+    if (assembly.index() && assembly.index()->map_hash != hash) {
+      throw DataError(
+          "the map has changed since the plan was made, so that no figures can be drawn",
+          "ask again, or without --figures");
     }
     if (!assembly.refusal().empty()) {
       throw DataError("the map that came over the bus cannot be used: " + assembly.refusal(), "");
@@ -59,8 +65,8 @@ ExitCode run(const Console& console, const BusRequestArguments& arguments) {
   if (arguments.has_figures) {
     bus.subscribe<messages::MapIndex>(
         messages::kMapIndexChannel,
-        [&assembly](const messages::MapIndex& index, const messages::Stamp&) {
-          assembly.receive(index);
+        [&assembly](const messages::MapIndex& index, const messages::Stamp& stamp) {
+          assembly.receive(index, stamp.sender_id);
         });
   }
   auto result = plan_over_bus(bus, exchange, request, config.text, arguments.timeout_s, *observer);
@@ -72,7 +78,7 @@ ExitCode run(const Console& console, const BusRequestArguments& arguments) {
   output::write_plan_bundle(plan, folder.path());
   timer.lap("write");
   if (arguments.has_figures) {
-    const auto map = map_from_bus(bus, exchange, assembly, *observer);
+    const auto map = map_from_bus(plan.route_plan.map.hash, bus, exchange, assembly, *observer);
     output::write_figures(plan, *map, folder.path() / "figures");
     timer.lap("figures");
   }

@@ -75,7 +75,9 @@ ServiceChildren::ServiceChildren(const Console& console, bus::Bus& bus, const Se
       setup.threads > 0 ? std::vector<std::string>{"--threads", std::to_string(setup.threads)}
                         : std::vector<std::string>{};
   add(kLogger, {"--out", setup.log.string()});
-  add("map_tiler", {"--map", setup.map.string()});
+  std::filesystem::path patches = setup.log;
+  patches.replace_filename(setup.log.stem().string() + "-patches" + setup.log.extension().string());
+  add("map_tiler", {"--map", setup.map.string(), "--patches", patches.string()});
   add("global_planner", threads);
   std::vector<std::string> local_options = threads;
   if (setup.is_lockstep) {

@@ -15,6 +15,7 @@ void add_evaluate_verb(CLI::App& app, Console& console);
 void add_export_verb(CLI::App& app, Console& console);
 void add_info_verb(CLI::App& app, Console& console);
 void add_log_verb(CLI::App& app, Console& console);
+void add_patch_verb(CLI::App& app, Console& console);
 void add_plan_verb(CLI::App& app, Console& console);
 void add_prepare_verb(CLI::App& app, Console& console);
 void add_replay_verb(CLI::App& app, Console& console);

@@ -53,7 +53,7 @@ ROOMS = {
 }
 
 # Rooms in their order of dependency; these two folders stand on top.
-SERVICES = (["bus", "messages", "planning", "output", "map"], [], ["CLI/"] + JSON + POSIX + TBB)
+SERVICES = (["bus", "messages", "planning", "preparation", "output", "map"], [], ["CLI/"] + JSON + POSIX + TBB)
 CLI = (sorted(ROOMS), [], ["CLI/"] + JSON + POSIX + TBB)
 
 EVERYWHERE_IN_SOURCES = ["fmt/"]

@@ -104,6 +104,7 @@ def check_struct(struct, structs, fault):
     channel = header.get("Channel", "none")
     is_part = channel.startswith("none, part of")
     is_blob = channel.startswith("none, travels")
+    is_replaced = channel.startswith("none, replaced by")
     names = [(f.name, f.type) for f in struct.fields]
     if is_part:
         if "VERSION" in struct.constants:
@@ -116,7 +117,7 @@ def check_struct(struct, structs, fault):
         if str(struct.constants.get("VERSION")) != version:
             fault(1, f"VERSION is {struct.constants.get('VERSION')}, the header line says {version}")
     if not is_part and not is_blob:
-        if not re.fullmatch(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*", channel):
+        if not is_replaced and not re.fullmatch(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*", channel):
             fault(1, f"'{channel}' is no channel name")
         if (size := most_bytes(structs, struct)) > MESSAGE_BYTES_MAX:
             fault(1, f"may have {size} bytes and more, must fit {MESSAGE_BYTES_MAX}")

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/hash.hpp"
 #include "bus/blob_exchange.hpp"
@@ -15,6 +16,24 @@ namespace hedgehop::bus {
 /// Offers every tile, the features and the tile table of a map, and returns the MAP_INDEX to
 /// publish. The map may go afterwards. Throws UsageError when it is too large for the bus.
 messages::MapIndex offer_map(const map::Map& map, int tile_cells, BlobExchange& exchange);
+
+/// Keeps one map on offer, which may change: tiles in which nothing has changed are neither encoded
+/// nor sent again, and those that are gone are withdrawn one change later, so that whoever still
+/// collects them gets them.
+class MapOffer {
+ public:
+  MapOffer(int tile_cells, BlobExchange& exchange);
+
+  /// Like offer_map(). The map is kept for comparison.
+  messages::MapIndex offer(std::shared_ptr<const map::Map> map);
+
+ private:
+  int tile_cells_;
+  BlobExchange& exchange_;
+  std::shared_ptr<const map::Map> map_;
+  std::vector<messages::BlobRef> blobs_;  // tiles, then table and features; of map_
+  std::vector<messages::BlobRef> older_;
+};
 
 /// Puts the newest map on the bus together, in memory.
 ///
@@ -28,9 +47,13 @@ class MapAssembly {
   ~MapAssembly();
 
   /// Starts over when the map hash or the blobs differ from what is held, refused or being
-  /// collected. A map that is being collected gives way only to the third index in a row that names
-  /// another one, so that two tilers on one bus do not keep each other from being heard out.
-  void receive(const messages::MapIndex& index);
+  /// collected; of a map with the same tiling only the tiles that differ from the held one are
+  /// asked for.
+  ///
+  /// Another map of the same sender, one with other patches, counts at once. To another sender's a
+  /// map gives way only with the third index in a row, so that two tilers on one bus neither keep
+  /// each other from being heard out nor mix; meanwhile rival() names it.
+  void receive(const messages::MapIndex& index, std::int64_t sender_id = 0);
 
   /// Goes on with what has arrived.
   void tick();
@@ -38,6 +61,10 @@ class MapAssembly {
   /// The complete, verified map; nullptr before. Stays valid and unchanged while the caller holds
   /// it.
   [[nodiscard]] std::shared_ptr<const map::Map> map() const;
+  /// Newest patch in map(); 0 before.
+  [[nodiscard]] std::int64_t patch_number() const;
+  /// Another map that somebody else offers meanwhile; none while all tilers agree.
+  [[nodiscard]] const std::optional<messages::MapIndex>& rival() const;
   /// Index of the map being collected or held.
   [[nodiscard]] const std::optional<messages::MapIndex>& index() const;
 

@@ -15,6 +15,7 @@ namespace hedgehop::flight {
 /// Which map a plan was made on, and what its products must carry.
 struct MapIdentity {
   Hash128 hash;
+  std::int64_t patch_number = 0;  // of patches over a base map, in `hash` too; 0: none
   std::string crs_wkt;
   std::string vertical_datum;
   std::string label;

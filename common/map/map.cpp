@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "base/errors.hpp"
+#include "map/patch.hpp"
 
 namespace hedgehop::map {
 namespace {
@@ -116,6 +117,31 @@ const char* name_of(ObstacleKind kind) {
   }
   HEDGEHOP_ASSERT(!"a kind of obstacle without a name");
   return "";
+}
+
+const char* name_of(PatchKind kind) {
+  switch (kind) {
+    case PatchKind::kObstacle:
+      return "obstacle";
+    case PatchKind::kThreat:
+      return "threat";
+    case PatchKind::kArea:
+      return "area";
+  }
+  HEDGEHOP_ASSERT(!"a kind of patch without a name");
+  return "";
+}
+
+bool Patch::operator==(const Patch& other) const {
+  const auto is_same = [](const geo::MapPoint& a, const geo::MapPoint& b) {
+    return a.x_m == b.x_m && a.y_m == b.y_m;
+  };
+  return id == other.id && kind == other.kind && is_same(centre, other.centre) &&
+         radius_m == other.radius_m && height_m == other.height_m && top_m == other.top_m &&
+         is_hard == other.is_hard && floor == other.floor && ceiling == other.ceiling &&
+         std::equal(outline.begin(), outline.end(), other.outline.begin(), other.outline.end(),
+                    is_same) &&
+         label == other.label;
 }
 
 Hash128 map_hash(const Map& map) {

@@ -20,6 +20,7 @@ struct Channel {
 
 inline constexpr Channel<MapIndex> kMapIndexChannel{"MAP_INDEX"};
 inline constexpr Channel<MapPatch> kMapPatchChannel{"MAP_PATCH"};
+inline constexpr Channel<MapPatchState> kMapPatchStateChannel{"MAP_PATCH_STATE"};
 inline constexpr Channel<Chunk> kChunkChannel{"CHUNK"};
 inline constexpr Channel<ChunkRequest> kChunkRequestChannel{"CHUNK_REQUEST"};
 inline constexpr Channel<PlanRequestMessage> kPlanRequestChannel{"PLAN_REQUEST"};
@@ -37,9 +38,10 @@ struct ChannelType {
   std::string_view channel;
   std::string_view type;
 };
-inline constexpr std::array<ChannelType, 13> kChannelTypes = {{
+inline constexpr std::array<ChannelType, 14> kChannelTypes = {{
     {kMapIndexChannel.name, "map_index_t"},
-    {kMapPatchChannel.name, "map_patch_t"},
+    {kMapPatchChannel.name, "map_patch_v2_t"},
+    {kMapPatchStateChannel.name, "map_patch_state_t"},
     {kChunkChannel.name, "chunk_t"},
     {kChunkRequestChannel.name, "chunk_request_t"},
     {kPlanRequestChannel.name, "plan_request_t"},

@@ -1,22 +1,29 @@
 #include "messages/map_messages.hpp"
 
+#include <cmath>
 #include <limits>
 
 #include "messages/map_tiles.hpp"
 #include "messages/wire.hpp"
 
 #include "hedgehop/map_index_t.hpp"
+#include "hedgehop/map_patch_state_t.hpp"
 #include "hedgehop/map_patch_t.hpp"
+#include "hedgehop/map_patch_v2_t.hpp"
 
 namespace hedgehop::messages {
 namespace {
 
 constexpr std::size_t kIndexLabelBytesMax = 120;
 constexpr std::size_t kPatchLabelBytesMax = 60;
+constexpr std::size_t kRefusalBytesMax = 700;
 /// No map frame reaches further [m].
 constexpr double kCoordinateMax_m = 1e9;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
+static_assert(static_cast<int>(map::PatchKind::kObstacle) == map_patch_v2_t::KIND_OBSTACLE);
+static_assert(static_cast<int>(map::PatchKind::kThreat) == map_patch_v2_t::KIND_THREAT);
+static_assert(static_cast<int>(map::PatchKind::kArea) == map_patch_v2_t::KIND_AREA);
 static_assert(kMaxMapSideCells == map_index_t::MAX_SIDE_CELLS);
 static_assert(static_cast<int>(MapLayer::kTerrain) == map_index_t::LAYERS_TERRAIN);
 static_assert(static_cast<int>(MapLayer::kSurface) == map_index_t::LAYERS_SURFACE);
@@ -107,51 +114,166 @@ MapIndex from_message<MapIndex>(ByteView bytes, Stamp& stamp) {
 }
 
 Bytes to_message(const MapPatch& patch, const Stamp& stamp) {
-  map_patch_t message{};
+  const map::Patch& thing = patch.patch;
+  const bool is_area = thing.kind == map::PatchKind::kArea;
+  map_patch_v2_t message{};
   wire::put_stamp(message, stamp);
-  wire::put(message.map_hash, patch.map_hash);
+  wire::put(message.base_map_hash, patch.base_map_hash);
   message.patch_number = patch.patch_number;
-  message.patch_id = patch.patch_id;
-  message.kind = static_cast<std::int8_t>(patch.kind);
+  message.patch_id = thing.id;
+  message.kind = static_cast<std::int8_t>(thing.kind);
   message.is_present = patch.is_present ? 1 : 0;
-  message.x_m = patch.centre.x_m;
-  message.y_m = patch.centre.y_m;
-  message.radius_m = patch.radius_m;
-  message.top_altitude_m = wire::value_or_nan(patch.top_altitude_m);
-  message.num_vertices = static_cast<std::int32_t>(patch.outline.size());
-  for (const geo::MapPoint& vertex : patch.outline) {
-    message.vertex_x_m.push_back(vertex.x_m);
-    message.vertex_y_m.push_back(vertex.y_m);
+  message.x_m = thing.centre.x_m;
+  message.y_m = thing.centre.y_m;
+  message.radius_m = thing.radius_m;
+  message.height_m = wire::value_or_nan(thing.height_m);
+  message.top_altitude_m = wire::value_or_nan(thing.top_m);
+  message.is_hard = thing.is_hard ? 1 : 0;
+  message.floor_m = thing.floor.value_m;
+  message.floor_is_above_ground =
+      thing.floor.reference == map::AreaLimit::Reference::kAboveGround ? 1 : 0;
+  message.ceiling_m = thing.ceiling.value_m;
+  message.ceiling_is_above_ground =
+      thing.ceiling.reference == map::AreaLimit::Reference::kAboveGround ? 1 : 0;
+  message.num_vertices = is_area ? static_cast<std::int32_t>(thing.outline.size()) : 0;
+  for (std::int32_t i = 0; i < message.num_vertices; ++i) {
+    const geo::MapPoint& corner = thing.outline[static_cast<std::size_t>(i)];
+    message.vertex_x_m.push_back(corner.x_m);
+    message.vertex_y_m.push_back(corner.y_m);
   }
-  message.label = wire::cut_text(patch.label, kPatchLabelBytesMax);
+  message.label = wire::cut_text(thing.label, kPatchLabelBytesMax);
   return wire::published<MapPatch>(message);
 }
 
-template <>
-MapPatch from_message<MapPatch>(ByteView bytes, Stamp& stamp) {
-  const auto message = wire::decoded<map_patch_t>(bytes, stamp);
-  const wire::Check check(map_patch_t::getTypeName());
-  MapPatch patch;
-  patch.map_hash = wire::hash_in(message.map_hash);
-  patch.patch_number = check.count("patch_number", message.patch_number);
-  patch.patch_id = message.patch_id;
-  patch.kind = static_cast<PatchKind>(check.within<std::int8_t>(
-      "kind", message.kind, map_patch_t::KIND_OBSTACLE, map_patch_t::KIND_AREA));
-  patch.is_present = check.boolean("is_present", message.is_present);
-  patch.centre.x_m = coordinate(check, "x_m", message.x_m);
-  patch.centre.y_m = coordinate(check, "y_m", message.y_m);
-  patch.radius_m = check.not_negative("radius_m", message.radius_m);
-  patch.top_altitude_m = check.optional(
-      message.top_altitude_m, [&](double value) { return check.finite("top_altitude_m", value); });
-  const int vertices_min = patch.kind == PatchKind::kArea ? 3 : 0;
-  const int vertices_max = patch.kind == PatchKind::kArea ? map_patch_t::MAX_VERTICES : 0;
-  check.within("num_vertices", message.num_vertices, vertices_min, vertices_max);
+namespace {
+
+template <typename Wire>
+void put_outline(const wire::Check& check, const Wire& message, map::Patch& patch) {
+  const bool is_area = patch.kind == map::PatchKind::kArea;
+  check.within("num_vertices", message.num_vertices, is_area ? 3 : 0,
+               is_area ? Wire::MAX_VERTICES : 0);
   for (std::size_t i = 0; i < message.vertex_x_m.size(); ++i) {
     patch.outline.push_back({coordinate(check, "vertex_x_m", message.vertex_x_m[i]),
                              coordinate(check, "vertex_y_m", message.vertex_y_m[i])});
   }
-  patch.label = check.text("label", message.label, kPatchLabelBytesMax);
+}
+
+// The first form has no floor, and neither soft areas nor heights above ground.
+MapPatch patch_of_first_form(const map_patch_t& message) {
+  const wire::Check check(map_patch_t::getTypeName());
+  MapPatch patch;
+  map::Patch& thing = patch.patch;
+  patch.base_map_hash = wire::hash_in(message.map_hash);
+  patch.patch_number = check.count("patch_number", message.patch_number);
+  thing.id = message.patch_id;
+  thing.kind = static_cast<map::PatchKind>(check.within<std::int8_t>(
+      "kind", message.kind, map_patch_t::KIND_OBSTACLE, map_patch_t::KIND_AREA));
+  patch.is_present = check.boolean("is_present", message.is_present);
+  thing.centre.x_m = coordinate(check, "x_m", message.x_m);
+  thing.centre.y_m = coordinate(check, "y_m", message.y_m);
+  thing.radius_m = check.not_negative("radius_m", message.radius_m);
+  thing.top_m = check.optional(message.top_altitude_m,
+                               [&](double value) { return check.finite("top_altitude_m", value); });
+  thing.floor = {-std::numeric_limits<double>::infinity(), map::AreaLimit::Reference::kAboveGround};
+  thing.ceiling.value_m = thing.top_m.value_or(std::numeric_limits<double>::infinity());
+  put_outline(check, message, thing);
+  thing.label = check.text("label", message.label, kPatchLabelBytesMax);
   return patch;
+}
+
+bool is_first_form(ByteView bytes) {
+  std::uint64_t fingerprint = 0;
+  for (std::size_t i = 0; i < 8 && i < bytes.size(); ++i) {
+    fingerprint = (fingerprint << 8) | std::to_integer<std::uint64_t>(bytes[i]);
+  }
+  return static_cast<std::int64_t>(fingerprint) == map_patch_t::getHash();
+}
+
+map::AreaLimit area_limit(const wire::Check& check, const std::string& name, double value_m,
+                          std::int8_t is_above_ground) {
+  constexpr double kAltitudeMax_m = 1e6;
+  if (!std::isinf(value_m)) {
+    check.within(name + "_m", value_m, -kAltitudeMax_m, kAltitudeMax_m);  // refuses NaN
+  }
+  return {value_m, check.boolean(name + "_is_above_ground", is_above_ground)
+                       ? map::AreaLimit::Reference::kAboveGround
+                       : map::AreaLimit::Reference::kAmsl};
+}
+
+}  // namespace
+
+template <>
+MapPatch from_message<MapPatch>(ByteView bytes, Stamp& stamp) {
+  if (is_first_form(bytes)) {
+    return patch_of_first_form(wire::decoded<map_patch_t>(bytes, stamp));
+  }
+  constexpr double kRadiusMax_m = 200'000.0;
+  constexpr double kHeightMax_m = 20'000.0;
+  const auto message = wire::decoded<map_patch_v2_t>(bytes, stamp);
+  const wire::Check check(map_patch_v2_t::getTypeName());
+  MapPatch patch;
+  map::Patch& thing = patch.patch;
+  patch.base_map_hash = wire::hash_in(message.base_map_hash);
+  patch.patch_number = check.count("patch_number", message.patch_number);
+  thing.id = check.within<std::int64_t>("patch_id", message.patch_id, 1,
+                                        std::numeric_limits<std::int64_t>::max());
+  thing.kind = static_cast<map::PatchKind>(check.within<std::int8_t>(
+      "kind", message.kind, map_patch_v2_t::KIND_OBSTACLE, map_patch_v2_t::KIND_AREA));
+  patch.is_present = check.boolean("is_present", message.is_present);
+  thing.centre.x_m = coordinate(check, "x_m", message.x_m);
+  thing.centre.y_m = coordinate(check, "y_m", message.y_m);
+  thing.radius_m = check.within("radius_m", message.radius_m, 0.0, kRadiusMax_m);
+  thing.height_m = check.optional(message.height_m, [&](double value) {
+    return check.within("height_m", value, 0.0, kHeightMax_m);
+  });
+  thing.top_m = check.optional(message.top_altitude_m, [&](double value) {
+    return check.within("top_altitude_m", value, -kHeightMax_m, kHeightMax_m);
+  });
+  thing.is_hard = check.boolean("is_hard", message.is_hard);
+  thing.floor = area_limit(check, "floor", message.floor_m, message.floor_is_above_ground);
+  thing.ceiling = area_limit(check, "ceiling", message.ceiling_m, message.ceiling_is_above_ground);
+  thing.label = check.text("label", message.label, kPatchLabelBytesMax);
+  if (patch.is_present) {
+    put_outline(check, message, thing);
+    if (thing.kind != map::PatchKind::kArea && !thing.height_m && !thing.top_m) {
+      check.refuse("neither height_m nor top_altitude_m is stated");
+    }
+    if (thing.kind == map::PatchKind::kThreat && !(thing.radius_m > 0.0)) {
+      check.refuse("radius_m", thing.radius_m, "be above 0 for an observer");
+    }
+  } else {
+    check.within("num_vertices", message.num_vertices, 0, 0);
+  }
+  return patch;
+}
+
+Bytes to_message(const MapPatchState& state, const Stamp& stamp) {
+  map_patch_state_t message{};
+  wire::put_stamp(message, stamp);
+  wire::put(message.base_map_hash, state.base_map_hash);
+  wire::put(message.map_hash, state.map_hash);
+  message.patch_number = state.patch_number;
+  message.patch_count = state.patch_count;
+  message.refused_sender_id = state.refused_sender_id;
+  message.refused_patch_id = state.refused_patch_id;
+  message.refusal = wire::cut_text(state.refusal, kRefusalBytesMax);
+  return wire::published<MapPatchState>(message);
+}
+
+template <>
+MapPatchState from_message<MapPatchState>(ByteView bytes, Stamp& stamp) {
+  const auto message = wire::decoded<map_patch_state_t>(bytes, stamp);
+  const wire::Check check(map_patch_state_t::getTypeName());
+  MapPatchState state;
+  state.base_map_hash = wire::hash_in(message.base_map_hash);
+  state.map_hash = wire::hash_in(message.map_hash);
+  state.patch_number = check.count("patch_number", message.patch_number);
+  state.patch_count =
+      check.within("patch_count", message.patch_count, 0, std::numeric_limits<std::int32_t>::max());
+  state.refused_sender_id = message.refused_sender_id;
+  state.refused_patch_id = message.refused_patch_id;
+  state.refusal = check.text("refusal", message.refusal, kRefusalBytesMax);
+  return state;
 }
 
 }  // namespace hedgehop::messages

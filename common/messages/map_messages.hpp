@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "geo/map_projection.hpp"
+#include "map/patch.hpp"
 #include "messages/blob.hpp"
 #include "messages/message.hpp"
 #include "raster/grid.hpp"
@@ -22,7 +23,7 @@ std::int64_t raster_bytes(const raster::GridGeometry& geometry, std::size_t furt
 /// Channel MAP_INDEX: which map is on the bus, and the blobs that hold it.
 struct MapIndex {
   Hash128 map_hash;
-  std::int64_t patch_number = 0;  // newest patch that counts; 0 is the base map
+  std::int64_t patch_number = 0;  // newest patch that counts, in map_hash too; 0 is the base map
   raster::GridGeometry geometry;
   int tile_cells = 0;  // side of a tile, 16 to 1024
   double reference_height_m = 0.0;
@@ -37,23 +38,33 @@ Bytes to_message(const MapIndex& index, const Stamp& stamp);
 template <>
 MapIndex from_message<MapIndex>(ByteView bytes, Stamp& stamp);
 
-enum class PatchKind : std::int8_t { kObstacle = 0, kThreat = 1, kArea = 2 };
-
-/// Channel MAP_PATCH: an obstacle, threat or area that appears over the base map, or goes.
+/// Channel MAP_PATCH: a thing that appears over the base map, or goes. Messages of the first form
+/// of this type are read too.
 struct MapPatch {
-  Hash128 map_hash;
+  Hash128 base_map_hash;
   std::int64_t patch_number = 0;  // given by map_tiler, from 1; 0: not yet
-  std::int64_t patch_id = 0;      // chosen by the sender
-  PatchKind kind = PatchKind::kObstacle;
   bool is_present = true;
-  geo::MapPoint centre;
-  double radius_m = 0.0;                 // 0 for an area
-  std::optional<double> top_altitude_m;  // none: unlimited
-  std::vector<geo::MapPoint> outline;    // of an area: 3 to 64 vertices; else empty
-  std::string label;                     // at most 60 bytes
+  map::Patch patch;  // its id alone counts when it has gone
 };
 Bytes to_message(const MapPatch& patch, const Stamp& stamp);
 template <>
 MapPatch from_message<MapPatch>(ByteView bytes, Stamp& stamp);
+
+/// Channel MAP_PATCH_STATE: which patches count, and the map that comes of them.
+struct MapPatchState {
+  Hash128 base_map_hash;
+  Hash128 map_hash;
+  std::int64_t patch_number = 0;
+  std::int32_t patch_count = 0;
+  // Of the newest patch that was refused
+  std::int64_t refused_sender_id = 0;
+  std::int64_t refused_patch_id = 0;
+  std::string refusal;  // at most 700 bytes
+
+  bool operator==(const MapPatchState&) const = default;
+};
+Bytes to_message(const MapPatchState& state, const Stamp& stamp);
+template <>
+MapPatchState from_message<MapPatchState>(ByteView bytes, Stamp& stamp);
 
 }  // namespace hedgehop::messages

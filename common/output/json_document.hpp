@@ -17,6 +17,7 @@ class JsonDocument {
   class Field {
    public:
     [[nodiscard]] Field at(const char* key) const;
+    [[nodiscard]] bool has(const char* key) const { return value_->contains(key); }
     [[nodiscard]] bool is_null() const { return value_->is_null(); }
     /// Finite.
     [[nodiscard]] double number() const;

@@ -309,6 +309,9 @@ std::size_t read_plan_file(const fs::path& file, flight::Plan& plan) {
   route_plan.request = request_of(root.at("request"));
   const Field map = root.at("map");
   route_plan.map.hash = hash_of(map.at("hash"));
+  if (map.has("patch_number")) {  // older plans have none
+    route_plan.map.patch_number = map.at("patch_number").integer(0, kCountMax);
+  }
   route_plan.map.label = map.at("label").text();
   route_plan.map.attributions = texts_of(map.at("attributions"));
   route_plan.map.vertical_datum = map.at("vertical_datum").text();
@@ -482,6 +485,7 @@ std::string plan_json(const flight::Plan& plan) {
   json["schema_version"] = kPlanSchemaVersion;
   json["request_id"] = route_plan.request_id.hex();
   json["map"] = {{"hash", route_plan.map.hash.hex()},
+                 {"patch_number", route_plan.map.patch_number},
                  {"label", route_plan.map.label},
                  {"attributions", route_plan.map.attributions},
                  {"vertical_datum", route_plan.map.vertical_datum},

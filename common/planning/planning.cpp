@@ -12,7 +12,7 @@ using flight::NoPlan;
 using flight::NoPlanCause;
 
 flight::MapIdentity identity_of(const map::Map& map) {
-  return {map.hash, map.crs_wkt, map.vertical_datum, map.label, map.attributions};
+  return {map.hash, 0, map.crs_wkt, map.vertical_datum, map.label, map.attributions};
 }
 
 std::string text_of(double value, int decimals) {

@@ -49,9 +49,10 @@ FlightLoggerService::FlightLoggerService(const FlightLoggerOptions& options,
     return;
   }
   assembly_.emplace(exchange);
-  bus.subscribe<messages::MapIndex>(
-      messages::kMapIndexChannel,
-      [this](const messages::MapIndex& index, const Stamp&) { assembly_->receive(index); });
+  bus.subscribe<messages::MapIndex>(messages::kMapIndexChannel,
+                                    [this](const messages::MapIndex& index, const Stamp& stamp) {
+                                      assembly_->receive(index, stamp.sender_id);
+                                    });
   bus.subscribe<messages::PlanRequestMessage>(
       messages::kPlanRequestChannel,
       [this](const messages::PlanRequestMessage& request, const Stamp&) {

@@ -15,7 +15,7 @@ GlobalPlannerService::GlobalPlannerService(const PlannerOptions& options, bus::B
       desk_(options, messages::PlanStage::kGlobal, bus, exchange, loop) {
   bus.subscribe<messages::MapIndex>(
       messages::kMapIndexChannel,
-      [this](const messages::MapIndex& index, const Stamp&) { desk_.receive(index); });
+      [this](const messages::MapIndex& index, const Stamp& stamp) { desk_.receive(index, stamp); });
   bus.subscribe<messages::PlanRequestMessage>(
       messages::kPlanRequestChannel,
       [this](const messages::PlanRequestMessage& message, const Stamp& stamp) {
@@ -40,6 +40,7 @@ std::variant<Answer, flight::NoPlan> GlobalPlannerService::plan(
     throw DataError("the request's id is not that of its map, request and config",
                     "sender and planner differ in version");
   }
+  const std::int64_t patch_number = desk_.patch_number();
   auto result = planning::plan_route(
       map, message.request, config,
       [this](const global_planning::RouteProgress& progress) { desk_.report(progress); }, observer);
@@ -50,6 +51,7 @@ std::variant<Answer, flight::NoPlan> GlobalPlannerService::plan(
   messages::RouteHeader header;
   header.request_id = message.request_id;
   header.map_hash = map.hash;
+  header.patch_number = patch_number;
   header.plan = exchange_.offer(messages::encode_route_plan(plan), true);
   header.cost_m = plan.route.cost.total_m();
   header.lower_bound_m = plan.route.lower_bound_m;

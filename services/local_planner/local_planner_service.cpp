@@ -19,7 +19,7 @@ LocalPlannerService::LocalPlannerService(const PlannerOptions& options, bus::Bus
   }
   bus.subscribe<messages::MapIndex>(
       messages::kMapIndexChannel,
-      [this](const messages::MapIndex& index, const Stamp&) { desk_.receive(index); });
+      [this](const messages::MapIndex& index, const Stamp& stamp) { desk_.receive(index, stamp); });
   bus.subscribe<messages::RouteHeader>(
       messages::kRouteChannel, [this](const messages::RouteHeader& route, const Stamp& stamp) {
         desk_.receive({route.request_id, route.map_hash, route.plan,

@@ -10,7 +10,8 @@ int main(int argc, char** argv) {
   return bus::run_main("map_tiler", [&] {
     const auto arguments = bus::parse_service_arguments(
         argc, argv, "hedgehop-map-tiler", "Puts a map bundle on the bus, tile by tile",
-        {{"--map", "MAP", "Map bundle, a folder made by `hedgehop prepare`"}});
+        {{"--map", "MAP", "Map bundle, a folder made by `hedgehop prepare`"},
+         {"--patches", "FILE", "Keeps patches over a restart: an LCM log, made when needed"}});
     if (!arguments) {
       return 0;
     }
@@ -23,7 +24,8 @@ int main(int argc, char** argv) {
     bus::Bus bus(arguments->bus);
     bus::BlobExchange exchange({.send_rate_bytesps = options.send_rate_bytesps}, bus);
     bus::ServiceLoop loop(bus, exchange, "map_tiler", config.hash());
-    services::MapTilerService service(options, services::read_map(*arguments), bus, exchange);
+    services::MapTilerService service(options, services::read_map(*arguments), bus, exchange,
+                                      arguments->value("--patches"));
     loop.run(options.index_period_s, [&](Time now) { service.tick(now); });
     return 0;
   });

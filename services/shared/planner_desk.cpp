@@ -19,6 +19,10 @@ using messages::PlanState;
 constexpr double kTurnPeriod_s = 0.05;
 constexpr int kWaitingMax = 256;
 
+std::string map_text(const messages::MapIndex& index) {
+  return "map " + index.map_hash.hex() + " (patch " + std::to_string(index.patch_number) + ")";
+}
+
 std::string short_id(const Hash128& id) { return id.hex().substr(0, 8); }
 
 }  // namespace
@@ -77,7 +81,7 @@ class PlannerDesk::WorkingObserver final : public Observer {
   }
   [[nodiscard]] bool stop_requested() const override {
     serve();
-    return bus::stop_requested() || is_cancelled_.load(std::memory_order_relaxed);
+    return bus::stop_requested() || is_given_up_.load(std::memory_order_relaxed);
   }
 
  private:
@@ -100,7 +104,7 @@ class PlannerDesk::WorkingObserver final : public Observer {
       desk_.publish_status_if_due(job_, time);
       desk_.answer_again();
     });
-    is_cancelled_ = job_.is_cancelled;
+    is_given_up_ = job_.is_cancelled || desk_.is_superseded(job_);
     served_ = std::chrono::steady_clock::now();
     is_serving_ = false;
   }
@@ -111,7 +115,7 @@ class PlannerDesk::WorkingObserver final : public Observer {
   const std::thread::id owner_ = std::this_thread::get_id();
   mutable std::chrono::steady_clock::time_point served_;
   mutable bool is_serving_ = false;
-  mutable std::atomic<bool> is_cancelled_{false};
+  mutable std::atomic<bool> is_given_up_{false};
   mutable std::mutex mutex_;
   std::string stage_;
   double done_share_ = 0.0;
@@ -137,7 +141,23 @@ PlannerDesk::Job* PlannerDesk::job_of(const Hash128& request_id) {
   return nullptr;
 }
 
-void PlannerDesk::receive(const messages::MapIndex& index) { assembly_.receive(index); }
+void PlannerDesk::receive(const messages::MapIndex& index, const messages::Stamp& stamp) {
+  assembly_.receive(index, stamp.sender_id);
+  const auto& rival = assembly_.rival();
+  const std::string named = rival ? rival->map_hash.hex() : std::string();
+  if (named == rival_named_) {
+    return;
+  }
+  rival_named_ = named;
+  if (working_ == nullptr && !rival) {
+    loop_.set_state(messages::ServiceState::kReady, {});
+  } else if (rival) {
+    const std::string what = "two maps on the bus: " + map_text(*assembly_.index()) +
+                             ", which counts, and " + map_text(*rival);
+    std::fprintf(stderr, "warning: %s\n", what.c_str());
+    loop_.set_state(messages::ServiceState::kDegraded, what);
+  }
+}
 
 void PlannerDesk::receive(Question question) {
   Job* job = job_of(question.request_id);
@@ -183,7 +203,13 @@ void PlannerDesk::receive(const messages::PlanCancel& cancel) {
 
 bool PlannerDesk::is_ready(const Job& job) const {
   const auto map = assembly_.map();
-  return map && map->hash == job.question.map_hash && exchange_.is_complete(job.question.input.id);
+  return map && map->hash == job.question.map_hash && !is_superseded(job) &&
+         exchange_.is_complete(job.question.input.id);
+}
+
+bool PlannerDesk::is_superseded(const Job& job) const {
+  const auto& index = assembly_.index();
+  return index && index->map_hash != job.question.map_hash;
 }
 
 std::string PlannerDesk::lack_of(const Job& job) const {
@@ -195,13 +221,13 @@ std::string PlannerDesk::lack_of(const Job& job) const {
     }
     return job.question.input_name;
   }
+  const auto& index = assembly_.index();
+  if (is_superseded(job)) {
+    return "map " + job.question.map_hash.hex() + "; the bus has " + map_text(*index);
+  }
   const auto map = assembly_.map();
   if (map && map->hash == job.question.map_hash) {
     return {};
-  }
-  const auto& index = assembly_.index();
-  if (index && index->map_hash != job.question.map_hash) {
-    return "map " + job.question.map_hash.hex() + "; the bus has map " + index->map_hash.hex();
   }
   if (index && !assembly_.refusal().empty()) {
     return assembly_.refusal();
@@ -265,6 +291,22 @@ void PlannerDesk::cancel(Job& job) {
   job.is_wanted_after_all = false;
 }
 
+void PlannerDesk::give_up(Job& job) {
+  if (job.is_cancelled || bus::stop_requested()) {
+    cancel(job);
+    return;
+  }
+  job.status = {.request_id = job.question.request_id,
+                .stage = stage_,
+                .state = PlanState::kWaiting,
+                .best_cost_m = {},
+                .no_plan = {},
+                .text = "waiting for: " + lack_of(job)};
+  job.asked = bus_.message_time();
+  std::fprintf(stderr, "request %s: the map has changed meanwhile; %s\n",
+               short_id(job.question.request_id).c_str(), job.status.text.c_str());
+}
+
 void PlannerDesk::work(Job& job) {
   const std::string title = short_id(job.question.request_id);
   loop_.set_state(messages::ServiceState::kWorking, "planning request " + title);
@@ -283,11 +325,12 @@ void PlannerDesk::work(Job& job) {
   try {
     auto result = job.question.plan(*map, *exchange_.content(job.question.input.id), observer);
     // A planner that is told to stop gives the best that it has so far; that is no answer.
-    if (job.is_cancelled || bus::stop_requested()) {
+    const bool is_superseded_now = is_superseded(job);
+    if (job.is_cancelled || is_superseded_now || bus::stop_requested()) {
       if (const auto* answer = std::get_if<Answer>(&result)) {
         exchange_.withdraw(answer->blob_id);
       }
-      cancel(job);
+      give_up(job);
     } else if (auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
       job.status.state = PlanState::kNoPlan;
       job.status.text = no_plan->explanation;
@@ -298,7 +341,7 @@ void PlannerDesk::work(Job& job) {
       job.status.text.clear();
     }
   } catch (const Interrupted&) {
-    cancel(job);
+    give_up(job);
   } catch (const UserError& error) {
     refuse(error.hint().empty() ? error.what() : error.what() + ("; " + error.hint()));
   } catch (const std::exception& error) {

@@ -50,6 +50,9 @@ struct Question {
 /// The order book of a planner service: collects what a question needs, plans one question at a
 /// time in order of arrival, tells PLAN_STATUS, answers repeated questions without planning again.
 ///
+/// When the map changes while a plan is made on it, the work stops and the question waits for the
+/// map that it names; whoever asked for it asks again, for the new one.
+///
 /// While a plan is made the process stays on the bus: the observer that the planner polls hands
 /// messages over every 50 ms, so that chunks are served, progress is told and a cancellation is
 /// heard. With a log it does not, so that a replay is a function of the log alone.
@@ -60,13 +63,16 @@ class PlannerDesk {
   ~PlannerDesk();
 
   // Handlers.
-  void receive(const messages::MapIndex& index);
+  void receive(const messages::MapIndex& index, const messages::Stamp& stamp);
   /// A new question is queued; a known one is answered again, or tried again if it had been refused
   /// or cancelled.
   void receive(Question question);
   void receive(const messages::PlanCancel& cancel);
 
   void tick(Time now);
+
+  /// Newest patch in the map that questions are planned on; 0: base map.
+  [[nodiscard]] std::int64_t patch_number() const { return assembly_.patch_number(); }
 
   /// For the status of the question that is being planned.
   void report(const global_planning::RouteProgress& progress);
@@ -82,10 +88,12 @@ class PlannerDesk {
   class WorkingObserver;
 
   [[nodiscard]] bool is_ready(const Job& job) const;
+  [[nodiscard]] bool is_superseded(const Job& job) const;
   [[nodiscard]] std::string lack_of(const Job& job) const;
   [[nodiscard]] Job* job_of(const Hash128& request_id);
   void wait(Job& job, Time now);
   void cancel(Job& job);
+  void give_up(Job& job);
   void work(Job& job);
   void answer_again();
   void publish_status_if_due(Job& job, Time now);
@@ -101,7 +109,8 @@ class PlannerDesk {
   bus::MapAssembly assembly_;
   std::list<Job> jobs_;  // in order of arrival; references stay valid while a job is worked on
   Job* working_ = nullptr;
-  std::string held_up_;  // why the work on it does not go on
+  std::string rival_named_;  // hash of another tiler's map that was told of
+  std::string held_up_;      // why the work on it does not go on
 };
 
 }  // namespace hedgehop::services

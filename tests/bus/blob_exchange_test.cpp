@@ -543,5 +543,119 @@ TEST(MapExchange, ANewMapReplacesTheOldOneOnceItIsWhole) {
   expect_same_map(*held, first);
 }
 
+TEST(MapExchange, OfAMapThatChangesInOneCellOnlyThatTileTravels) {
+  std::mt19937_64 random(3);
+  const auto first = std::make_shared<const map::Map>(random_map(random, 100, 70));
+  auto second = std::make_shared<map::Map>(*first);
+  second->visibility.at(40, 10) ^= 1;
+  second->hash = map_hash(*second);
+  Network network(1, 0.1, 0.0, 0.01);
+  BlobExchange& tiler = network.add(quick_options());
+  BlobExchange& planner = network.add(quick_options());
+  MapAssembly assembly(planner);
+  MapOffer offer(32, tiler);
+  const auto until = [&](const map::Map& map) {
+    network.run(30.0, [&] {
+      assembly.tick();
+      return assembly.map() != nullptr && assembly.map()->hash == map.hash;
+    });
+    ASSERT_NE(assembly.map(), nullptr);
+    expect_same_map(*assembly.map(), map);
+  };
+  constexpr std::int64_t kTiler = 7;
+  assembly.receive(offer.offer(first), kTiler);
+  until(*first);
+  EXPECT_EQ(assembly.patch_number(), 0);
+  const std::int64_t whole = tiler.sent_chunk_count();
+  messages::MapIndex index = offer.offer(second);
+  index.patch_number = 1;
+  assembly.receive(index, kTiler);
+  EXPECT_EQ(assembly.patch_number(), 0);
+  until(*second);
+  EXPECT_EQ(assembly.patch_number(), 1);
+  EXPECT_LT(tiler.sent_chunk_count() - whole, whole / 4);
+  // And back: the same bytes as at the beginning.
+  index = offer.offer(first);
+  index.patch_number = 2;
+  assembly.receive(index, kTiler);
+  until(*first);
+  EXPECT_EQ(assembly.patch_number(), 2);
+}
+
+TEST(MapExchange, AChangeWhileAMapIsCollectedLosesNothingThatHasArrived) {
+  std::mt19937_64 random(3);
+  const auto first = std::make_shared<const map::Map>(random_map(random, 100, 70));
+  auto second = std::make_shared<map::Map>(*first);
+  second->visibility.at(40, 10) ^= 1;
+  second->hash = map_hash(*second);
+  Network network(1, 0.0, 0.0, 0.0);
+  BlobExchange& tiler = network.add(quick_options());
+  BlobExchange& planner = network.add(quick_options());
+  MapAssembly assembly(planner);
+  MapOffer offer(32, tiler);
+  constexpr std::int64_t kTiler = 7;
+  assembly.receive(offer.offer(first), kTiler);
+  std::int64_t sent = 0;
+  network.run(30.0, [&] {
+    assembly.tick();
+    sent = tiler.sent_chunk_count();
+    return sent > 12;
+  });
+  assembly.receive(offer.offer(second), kTiler);
+  network.run(30.0, [&] {
+    assembly.tick();
+    return assembly.map() != nullptr;
+  });
+  ASSERT_NE(assembly.map(), nullptr);
+  expect_same_map(*assembly.map(), *second);
+  // About as much as for one map alone.
+  Network quiet(1, 0.0, 0.0, 0.0);
+  BlobExchange& other_tiler = quiet.add(quick_options());
+  MapAssembly other(quiet.add(quick_options()));
+  other.receive(offer_map(*second, 32, other_tiler), kTiler);
+  quiet.run(30.0, [&] {
+    other.tick();
+    return other.map() != nullptr;
+  });
+  EXPECT_LT(tiler.sent_chunk_count(), other_tiler.sent_chunk_count() * 5 / 4 + sent);
+  EXPECT_GT(sent, 12);
+}
+
+TEST(MapExchange, AWholeMapStaysWhileAnotherTilerOffersAnotherOneAndNamesIt) {
+  std::mt19937_64 random(3);
+  const map::Map first = random_map(random, 60, 60);
+  const map::Map second = random_map(random, 60, 60);
+  Network network(1, 0.0, 0.0, 0.01);
+  BlobExchange& tiler = network.add(quick_options());
+  BlobExchange& planner = network.add(quick_options());
+  const messages::MapIndex index_1 = offer_map(first, 32, tiler);
+  const messages::MapIndex index_2 = offer_map(second, 32, tiler);
+  MapAssembly assembly(planner);
+  assembly.receive(index_1, 7);
+  network.run(10.0, [&] {
+    assembly.tick();
+    return assembly.map() != nullptr;
+  });
+  for (int i = 0; i < 20; ++i) {
+    assembly.receive(index_2, 8);
+    assembly.receive(index_1, 7);
+    assembly.tick();
+    ASSERT_TRUE(assembly.rival().has_value());
+    EXPECT_EQ(assembly.rival()->map_hash, second.hash);
+    EXPECT_EQ(assembly.index()->map_hash, first.hash);
+    EXPECT_EQ(assembly.map()->hash, first.hash);
+  }
+  // Alone again, then gone.
+  for (int i = 0; i < 3; ++i) {
+    assembly.receive(index_1, 7);
+  }
+  EXPECT_FALSE(assembly.rival().has_value());
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(assembly.index()->map_hash, first.hash);
+    assembly.receive(index_2, 8);
+  }
+  EXPECT_EQ(assembly.index()->map_hash, second.hash);
+}
+
 }  // namespace
 }  // namespace hedgehop::bus

@@ -35,7 +35,13 @@ const std::vector<Target>& targets() {
   using namespace messages;
   static const std::vector<Target> kTargets = {
       {"map_index_t", decode<MapIndex>},
-      {"map_patch_t", decode<MapPatch>},
+      {"map_patch_t",
+       [](ByteView bytes) {
+         Stamp stamp;
+         from_message<MapPatch>(bytes, stamp);  // sent in its second form only
+       }},
+      {"map_patch_v2_t", decode<MapPatch>},
+      {"map_patch_state_t", decode<MapPatchState>},
       {"chunk_t", decode<Chunk>},
       {"chunk_request_t", decode<ChunkRequest>},
       {"plan_request_t", decode<PlanRequestMessage>},

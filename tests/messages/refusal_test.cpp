@@ -49,7 +49,8 @@ void expect_refused(const T& example, const std::string& field,
 TEST(Refusal, AnotherVersionIsRefusedByEveryType) {
   const auto spoil = [](auto& wire) { ++wire.version; };
   expect_refused<map_index_t>(test::example_map_index(), "version", spoil);
-  expect_refused<map_patch_t>(test::example_map_patch(), "version", spoil);
+  expect_refused<map_patch_v2_t>(test::example_map_patch(), "version", spoil);
+  expect_refused<map_patch_state_t>(test::example_map_patch_state(), "version", spoil);
   expect_refused<chunk_t>(test::example_chunk(), "version", spoil);
   expect_refused<chunk_request_t>(test::example_chunk_request(), "version", spoil);
   expect_refused<plan_request_t>(test::example_plan_request(), "version", spoil);
@@ -105,6 +106,35 @@ TEST(Refusal, MapIndexWithoutSenseIsRefused) {
        {"a\x80", "\xC0\xAF", "\xED\xA0\x80", "\xE2\x82", "\xF4\x90\x80\x80"}) {
     refuse("label is no UTF-8", [&](auto& w) { w.label = bad; });
   }
+}
+
+TEST(Refusal, MapPatchWithoutSenseIsRefused) {
+  const auto refuse = [](map::PatchKind kind, const std::string& field,
+                         const std::function<void(map_patch_v2_t&)>& spoil) {
+    MapPatch good = test::example_map_patch();
+    good.patch.kind = kind;
+    expect_refused<map_patch_v2_t>(good, field, spoil);
+  };
+  using enum map::PatchKind;
+  refuse(kArea, "patch_id", [](auto& w) { w.patch_id = 0; });
+  refuse(kArea, "patch_number", [](auto& w) { w.patch_number = -1; });
+  refuse(kArea, "kind", [](auto& w) { w.kind = 3; });
+  refuse(kArea, "floor_m", [](auto& w) { w.floor_m = kNan; });
+  refuse(kArea, "ceiling_m", [](auto& w) { w.ceiling_m = 1e9; });
+  refuse(kArea, "vertex_x_m", [](auto& w) { w.vertex_x_m[1] = kInfinity; });
+  refuse(kArea, "num_vertices", [](auto& w) {
+    w.num_vertices = 2;
+    w.vertex_x_m.pop_back();
+    w.vertex_y_m.pop_back();
+  });
+  refuse(kObstacle, "x_m", [](auto& w) { w.x_m = kNan; });
+  refuse(kObstacle, "radius_m", [](auto& w) { w.radius_m = -1.0; });
+  refuse(kObstacle, "height_m", [](auto& w) { w.height_m = -0.5; });
+  refuse(kObstacle, "top_altitude_m", [](auto& w) { w.top_altitude_m = kInfinity; });
+  refuse(kObstacle, "neither height_m nor top_altitude_m",
+         [](auto& w) { w.height_m = w.top_altitude_m = kNan; });
+  refuse(kThreat, "radius_m", [](auto& w) { w.radius_m = 0.0; });
+  refuse(kThreat, "label", [](auto& w) { w.label.assign(61, 'x'); });
 }
 
 TEST(Refusal, ChunkThatDoesNotFitItsBlobIsRefused) {
@@ -235,7 +265,7 @@ TEST(Refusal, AnotherTypesBytesAreRefusedByTheirFingerprint) {
       ++refused;
     }
   }
-  EXPECT_EQ(refused, 12);
+  EXPECT_EQ(refused, static_cast<int>(examples.size()) - 1);
 }
 
 template <typename T>
@@ -252,6 +282,7 @@ void expect_cuts_refused(const Bytes& whole) {
 TEST(Refusal, EveryTruncationAndAnyExtraByteIsRefused) {
   expect_cuts_refused<MapIndex>(to_message(test::example_map_index(), kExampleStamp));
   expect_cuts_refused<MapPatch>(to_message(test::example_map_patch(), kExampleStamp));
+  expect_cuts_refused<MapPatchState>(to_message(test::example_map_patch_state(), kExampleStamp));
   expect_cuts_refused<Chunk>(to_message(test::example_chunk(), kExampleStamp));
   expect_cuts_refused<ChunkRequest>(to_message(test::example_chunk_request(), kExampleStamp));
   expect_cuts_refused<PlanRequestMessage>(to_message(test::example_plan_request(), kExampleStamp));

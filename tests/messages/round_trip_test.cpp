@@ -94,22 +94,76 @@ TEST(RoundTrip, MapIndexKeepsEachFieldUnderItsName) {
 }
 
 TEST(RoundTrip, MapPatchKeepsEachFieldUnderItsName) {
-  const Trip<map_patch_t, MapPatch> trip(test::example_map_patch());
+  const Trip<map_patch_v2_t, MapPatch> trip(test::example_map_patch());
+  SAME_HASH(base_map_hash, base_map_hash);
+  SAME(patch_number, patch_number);
+  SAME(is_present, is_present);
+  SAME(patch_id, patch.id);
+  SAME_ENUM(kind, patch.kind);
+  SAME(x_m, patch.centre.x_m);
+  SAME(y_m, patch.centre.y_m);
+  SAME(radius_m, patch.radius_m);
+  SAME_OPTIONAL(height_m, patch.height_m);
+  SAME_OPTIONAL(top_altitude_m, patch.top_m);
+  SAME(is_hard, patch.is_hard);
+  SAME(floor_m, patch.floor.value_m);
+  EXPECT_EQ(trip.wire.floor_is_above_ground, 1);
+  SAME(ceiling_m, patch.ceiling.value_m);
+  EXPECT_EQ(trip.wire.ceiling_is_above_ground, 0);
+  EXPECT_EQ(trip.back.patch.floor, trip.sent.patch.floor);
+  EXPECT_EQ(trip.back.patch.ceiling, trip.sent.patch.ceiling);
+  SAME(label, patch.label);
+  ASSERT_EQ(trip.back.patch.outline.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    SAME(vertex_x_m[i], patch.outline[i].x_m);
+    SAME(vertex_y_m[i], patch.outline[i].y_m);
+  }
+  EXPECT_EQ(trip.back.patch, trip.sent.patch);
+}
+
+TEST(RoundTrip, AMapPatchOfTheFirstFormIsStillRead) {
+  map_patch_t wire{};
+  wire.utime = 7;
+  wire.sender_id = 8;
+  wire.seq = 9;
+  wire.version = map_patch_t::VERSION;
+  wire.map_hash[0] = 1;
+  wire.map_hash[1] = 2;
+  wire.patch_number = 3;
+  wire.patch_id = 4;
+  wire.kind = map_patch_t::KIND_AREA;
+  wire.is_present = 1;
+  wire.top_altitude_m = 500.0;
+  wire.num_vertices = 3;
+  wire.vertex_x_m = {0.0, 10.0, 0.0};
+  wire.vertex_y_m = {0.0, 0.0, 20.0};
+  wire.label = "old";
+  Bytes bytes(static_cast<std::size_t>(wire.getEncodedSize()));
+  ASSERT_GT(wire.encode(bytes.data(), 0, static_cast<int>(bytes.size())), 0);
+  Stamp stamp;
+  const auto back = from_message<MapPatch>(bytes, stamp);
+  EXPECT_EQ(stamp, (Stamp{{7}, 8, 9}));
+  EXPECT_EQ(back.base_map_hash, (Hash128{1, 2}));
+  EXPECT_EQ(back.patch_number, 3);
+  EXPECT_EQ(back.patch.id, 4);
+  EXPECT_EQ(back.patch.kind, map::PatchKind::kArea);
+  EXPECT_TRUE(back.patch.is_hard);
+  EXPECT_TRUE(std::isinf(back.patch.floor.value_m));
+  EXPECT_EQ(back.patch.ceiling.value_m, 500.0);
+  ASSERT_EQ(back.patch.outline.size(), 3U);
+  EXPECT_EQ(back.patch.outline[2].y_m, 20.0);
+  EXPECT_EQ(back.patch.label, "old");
+}
+
+TEST(RoundTrip, MapPatchStateKeepsEachFieldUnderItsName) {
+  const Trip<map_patch_state_t, MapPatchState> trip(test::example_map_patch_state());
+  SAME_HASH(base_map_hash, base_map_hash);
   SAME_HASH(map_hash, map_hash);
   SAME(patch_number, patch_number);
-  SAME(patch_id, patch_id);
-  SAME_ENUM(kind, kind);
-  SAME(is_present, is_present);
-  SAME(x_m, centre.x_m);
-  SAME(y_m, centre.y_m);
-  SAME(radius_m, radius_m);
-  SAME_OPTIONAL(top_altitude_m, top_altitude_m);
-  SAME(label, label);
-  ASSERT_EQ(trip.back.outline.size(), 3U);
-  for (std::size_t i = 0; i < 3; ++i) {
-    SAME(vertex_x_m[i], outline[i].x_m);
-    SAME(vertex_y_m[i], outline[i].y_m);
-  }
+  SAME(patch_count, patch_count);
+  SAME(refused_sender_id, refused_sender_id);
+  SAME(refused_patch_id, refused_patch_id);
+  SAME(refusal, refusal);
 }
 
 TEST(RoundTrip, ChunkKeepsEachFieldUnderItsName) {

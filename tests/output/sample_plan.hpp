@@ -165,7 +165,7 @@ inline flight::Plan make_sample_plan(const map::Map& map) {
   route_plan.request.seed = 18446744073709551615ULL;
   route_plan.request.work_budget = 123456789012345;
   route_plan.config_text = "speed_mps: 40\nweights: {visibility: 25, \"quote\": '\xc3\xa4'}\n";
-  route_plan.map = {map.hash, map.crs_wkt, map.vertical_datum, map.label, map.attributions};
+  route_plan.map = {map.hash, 7, map.crs_wkt, map.vertical_datum, map.label, map.attributions};
   route_plan.request_id =
       flight::plan_request_id(route_plan.request, map.hash, route_plan.config_text);
 

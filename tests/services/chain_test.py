@@ -323,6 +323,105 @@ def every_service_ends_with_0_on_sigterm(setup):
         check(stop(child) == 0, f"{name} ended with {child.returncode}: {setup.text(child)}")
 
 
+def across_the_way(setup):
+    """Options for an area that closes the straight way from start to goal."""
+    ends = [[float(part) for part in text.split(",")[:2]] for text in setup.ends[1::2]]
+    lat, lon = [(a + b) / 2 for a, b in zip(*ends)]
+    return [option for dlat, dlon in [(-0.008, -0.002), (-0.008, 0.002), (0.008, 0.002), (0.008, -0.002)]
+            for option in ["--corner", f"{lat + dlat:.6f},{lon + dlon:.6f}"]]
+
+
+def patch(setup, *arguments):
+    done = setup.run("patch", *arguments, "--json")
+    check(done.returncode == 0, f"patch {arguments[0]} ended with {done.returncode}: {done.stderr}")
+    return json.loads(done.stdout)
+
+
+def patches_come_go_and_outlive_the_map_tiler(setup):
+    base = setup.plan()
+    serve = setup.serve()
+    added = patch(setup, "add", "area", *across_the_way(setup), "--label", "fire")
+    check(added["patch_number"] == 1 and added["is_present"], str(added))
+    with_patch = setup.request("with_patch")
+    said = json.loads((with_patch / "plan.json").read_text())["map"]
+    check(said["patch_number"] == 1 and said["hash"] == added["map_hash"], str(said))
+    check((with_patch / "route.geojson").read_bytes() != (base / "route.geojson").read_bytes(),
+          "the route leads through the area")
+
+    # The map on the bus, taken off it: plans and checks of the plan are the same there.
+    patch(setup, "map", "--out", setup.folder / "patched")
+    done = setup.run("verify", with_patch, "--map", setup.folder / "patched")
+    check(done.returncode == 0, f"verify: {done.returncode} {done.stdout}{done.stderr}")
+    done = setup.run("verify", with_patch, "--map", setup.map)
+    check(done.returncode == 2 and said["hash"] in done.stderr, f"verify: {done.returncode} {done.stderr}")
+    out = setup.folder / "alone"
+    done = setup.run("plan", "--map", setup.folder / "patched", *setup.ends, *WORK, "--out", out)
+    check(done.returncode == 0, done.stderr)
+    for name in ["route.geojson", "trajectory.csv"]:
+        check((out / name).read_bytes() == (with_patch / name).read_bytes(), f"{name} differs")
+
+    lines = [line.split() for line in setup.text(serve).splitlines() if line.startswith("map_tiler ")]
+    os.kill(int(lines[0][-1]), signal.SIGKILL)
+    wait(lambda: "map_tiler starts again" in setup.text(serve), 10, lambda: setup.text(serve))
+    listed = patch(setup, "list")
+    check([thing["label"] for thing in listed["patches"]] == ["fire"], str(listed))
+    crane = patch(setup, "add", "obstacle", "--at", setup.ends[1], "--radius-m", "20", "--height-m", "50")
+    check(crane["patch_number"] == 2, str(crane))
+    check(patch(setup, "remove", crane["id"])["patch_number"] == 3, "the crane does not go")
+    gone = patch(setup, "remove", added["id"])
+    check(not gone["is_present"] and gone["map_hash"] == gone["base_map_hash"], str(gone))
+    after = setup.request("after")
+    for name in ["route.geojson", "trajectory.csv"]:
+        check((after / name).read_bytes() == (base / name).read_bytes(), f"{name} differs from the base map's")
+    done = setup.run("patch", "remove", "12345")
+    check(done.returncode == 5 and "nothing of this id" in done.stderr, f"{done.returncode}: {done.stderr}")
+    check(stop(serve) == 0, setup.text(serve))
+
+
+def a_plan_under_way_is_made_again_when_a_patch_comes(setup):
+    serve = setup.serve()
+    request = setup.start("hedgehop", "request", *setup.ends, "--work", "2000000000",
+                          "--set", "global.planner=bit_star", "--out", setup.folder / "plan")
+    wait(lambda: "planning the route" in setup.text(request), 20, lambda: setup.text(request))
+    patch(setup, "add", "threat", "--at", setup.ends[3], "--range-m", "2000", "--mast-height-m", "10")
+    wait(lambda: "patch 1: planning again" in setup.text(request), 10, lambda: setup.text(request))
+    time.sleep(0.5)
+    request.send_signal(signal.SIGINT)
+    check(request.wait(10) == 130, f"ended with {request.returncode}: {setup.text(request)}")
+    check(stop(serve) == 0, setup.text(serve))
+    recorded = list(events(setup.folder / "flight.lcmlog"))
+    check({"MAP_PATCH", "MAP_PATCH_STATE"} <= {channel for _, _, channel, _ in recorded}, "not recorded")
+    # After type hash, time, sender, number and version.
+    asked = {message[34:50] for _, _, channel, message in recorded if channel == "PLAN_REQUEST"}
+    check(len(asked) == 2, f"{len(asked)} requests, wanted one on each map")
+
+
+def two_maps_on_one_network_are_named_and_not_mixed(setup):
+    other = setup.folder / "other"
+    serve = setup.serve()
+    base = setup.request("before")
+    # The same region, one thing more: another map.
+    patch(setup, "add", "area", *across_the_way(setup))
+    patch(setup, "map", "--out", other)
+    for thing in patch(setup, "list")["patches"]:
+        patch(setup, "remove", thing["id"])
+    setup.start("hedgehop-map-tiler", "--map", other)
+    wait(lambda: "two maps on the bus" in setup.text(serve), 10, lambda: setup.text(serve))
+    text = setup.text(serve)
+    hashes = [json.loads((folder / "manifest.json").read_text())["map_hash"] for folder in (setup.map, other)]
+    check(all(value in text for value in hashes), f"{hashes} are not named: {text}")
+    done = setup.run("patch", "list")
+    check(done.returncode == 6 or "base map" in done.stdout, done.stderr)
+    # Who comes now may take the other one for the map that counts; then it is refused.
+    again = setup.folder / "again"
+    done = setup.run("request", *setup.ends, *WORK, "--out", again)
+    if done.returncode == 0:
+        same_files(base, again)
+    else:
+        check(done.returncode == 1 and all(value in done.stderr for value in hashes), done.stderr)
+    check(stop(serve) == 0, setup.text(serve))
+
+
 def configs_are_checked_before_anything_else(setup):
     for name in SERVICES:
         program = setup.programs / ("hedgehop-" + name.replace("_", "-"))
@@ -352,6 +451,9 @@ TESTS = [
     serve_without_a_map_says_so,
     without_multicast_the_bus_error_names_the_remedy,
     every_service_ends_with_0_on_sigterm,
+    patches_come_go_and_outlive_the_map_tiler,
+    a_plan_under_way_is_made_again_when_a_patch_comes,
+    two_maps_on_one_network_are_named_and_not_mixed,
     configs_are_checked_before_anything_else,
 ]
 

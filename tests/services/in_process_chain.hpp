@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -71,6 +72,16 @@ class InProcessChain {
           trajectories.push_back(message);
           listener_.exchange.want(message.plan, "trajectory");
         });
+    listener_.bus.subscribe<messages::MapPatch>(
+        messages::kMapPatchChannel,
+        [this](const messages::MapPatch& message, const messages::Stamp&) {
+          if (message.patch_number > 0) {
+            patches[message.patch.id] = message;
+          }
+        });
+    listener_.bus.subscribe<messages::MapPatchState>(
+        messages::kMapPatchStateChannel, [this](const messages::MapPatchState& message,
+                                                const messages::Stamp&) { patch_state = message; });
     listener_.bus.subscribe<messages::VehicleState>(
         messages::kVehicleStateChannel,
         [this](const messages::VehicleState& message, const messages::Stamp&) {
@@ -78,11 +89,11 @@ class InProcessChain {
         });
   }
 
-  void add_map_tiler(const map::Map& map) {
+  void add_map_tiler(const map::Map& map, const std::filesystem::path& patches = {}) {
     Station& station = add("map_tiler");
     auto service = std::make_shared<services::MapTilerService>(
         services::read_map_tiler_options(services::load_config("", "map_tiler.yaml").reader()), map,
-        station.bus, station.exchange);
+        station.bus, station.exchange, patches);
     station.tick = [service](Time now) { service->tick(now); };
   }
   services::GlobalPlannerService& add_global_planner() {
@@ -179,6 +190,8 @@ class InProcessChain {
   }
 
   std::optional<messages::MapIndex> index;
+  std::map<std::int64_t, messages::MapPatch> patches;  // numbered ones
+  std::optional<messages::MapPatchState> patch_state;
   std::vector<messages::PlanStatus> statuses;
   std::vector<messages::RouteHeader> routes;
   std::vector<messages::TrajectoryHeader> trajectories;

@@ -35,17 +35,25 @@ inline messages::MapIndex example_map_index() {
 
 inline messages::MapPatch example_map_patch() {
   messages::MapPatch patch;
-  patch.map_hash = {1, 2};
+  patch.base_map_hash = {1, 2};
   patch.patch_number = 5;
-  patch.patch_id = 77;
-  patch.kind = messages::PatchKind::kArea;
-  patch.is_present = true;
-  patch.centre = {401000.0, 5401000.0};
-  patch.radius_m = 12.0;
-  patch.top_altitude_m = 640.0;
-  patch.outline = {{1.0, 2.0}, {3.0, 4.0}, {5.0, 6.5}};
-  patch.label = "crane";
+  map::Patch& thing = patch.patch;
+  thing.id = 77;
+  thing.kind = map::PatchKind::kArea;
+  thing.centre = {401000.0, 5401000.0};
+  thing.radius_m = 12.0;
+  thing.height_m = 35.5;
+  thing.top_m = 640.0;
+  thing.is_hard = false;
+  thing.floor = {120.5, map::AreaLimit::Reference::kAboveGround};
+  thing.ceiling = {900.25, map::AreaLimit::Reference::kAmsl};
+  thing.outline = {{1.0, 2.0}, {3.0, 4.0}, {5.0, 6.5}};
+  thing.label = "crane";
   return patch;
+}
+
+inline messages::MapPatchState example_map_patch_state() {
+  return {{3, 4}, {5, 6}, 9, 8, 4712, 78, "patch 78: its centre lies outside the map"};
 }
 
 inline messages::Chunk example_chunk() {
@@ -154,7 +162,7 @@ inline flight::RoutePlan example_route_plan() {
   flight::RoutePlan plan;
   plan.request = example_request();
   plan.config_text = "speed_mps: 40.0\nnested:\n\tx: 1\n";
-  plan.map = {{301, 302}, "PROJCS[\"UTM\"]", "EGM96", "SYNTHETIC", {"line one", "line two"}};
+  plan.map = {{301, 302}, 0, "PROJCS[\"UTM\"]", "EGM96", "SYNTHETIC", {"line one", "line two"}};
   plan.request_id = flight::plan_request_id(plan.request, plan.map.hash, plan.config_text);
   plan.start = {1.5, 2.5, 3.5};
   plan.goal = {4.5, 5.5, 6.5};
@@ -233,6 +241,7 @@ inline std::vector<std::pair<std::string, Bytes>> example_of_each_channel() {
   };
   add(kMapIndexChannel, example_map_index());
   add(kMapPatchChannel, example_map_patch());
+  add(kMapPatchStateChannel, example_map_patch_state());
   add(kChunkChannel, example_chunk());
   add(kChunkRequestChannel, example_chunk_request());
   add(kPlanRequestChannel, example_plan_request());

@@ -1,0 +1,278 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <thread>
+
+#include "base/errors.hpp"
+#include "output/plan_bundle.hpp"
+#include "planning/planning.hpp"
+#include "preparation/map_patches.hpp"
+#include "services/in_process_chain.hpp"
+#include "services/small_hills.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace hedgehop {
+namespace {
+
+using messages::MapPatch;
+using messages::PlanState;
+using ::testing::HasSubstr;
+
+const map::Map& hills() {
+  static const map::Map map = test::small_hills();
+  return map;
+}
+
+MapPatch unnumbered(map::Patch patch) {
+  MapPatch message;
+  message.base_map_hash = hills().hash;
+  message.patch = std::move(patch);
+  return message;
+}
+
+// Across the straight way from start to goal.
+map::Patch wall(std::int64_t id) {
+  map::Patch patch;
+  patch.id = id;
+  patch.kind = map::PatchKind::kArea;
+  patch.floor.value_m = -1e5;
+  patch.ceiling.value_m = 1e5;
+  patch.outline = {{test::kUtmWest_m + 3500.0, test::kUtmSouth_m + 1400.0},
+                   {test::kUtmWest_m + 3900.0, test::kUtmSouth_m + 1400.0},
+                   {test::kUtmWest_m + 3900.0, test::kUtmSouth_m + 3200.0},
+                   {test::kUtmWest_m + 3500.0, test::kUtmSouth_m + 3200.0}};
+  patch.label = "fire";
+  return patch;
+}
+
+map::Patch crane(std::int64_t id) {
+  map::Patch patch;
+  patch.id = id;
+  patch.centre = {test::kUtmWest_m + 2500.0, test::kUtmSouth_m + 2500.0};
+  patch.radius_m = 40.0;
+  patch.height_m = 90.0;
+  return patch;
+}
+
+map::Map patched(const std::vector<map::Patch>& patches) {
+  SilentObserver observer;
+  return preparation::patched_map(
+      hills(), patches,
+      services::read_map_tiler_options(services::load_config("", "map_tiler.yaml").reader())
+          .patches,
+      observer);
+}
+
+class MapPatchService : public testing::Test {
+ protected:
+  void publish(const MapPatch& message) {
+    chain_.listener().bus.publish(messages::kMapPatchChannel, message, chain_.listener().bus.now());
+  }
+  bool is_numbered(std::int64_t id, bool is_present) {
+    return chain_.turn_until([&] {
+      const auto patch = chain_.patches.find(id);
+      return patch != chain_.patches.end() && patch->second.is_present == is_present;
+    });
+  }
+  test::InProcessChain chain_;
+};
+
+TEST_F(MapPatchService, PatchesAreNumberedInOrderAndTheMapOfTheIndexIsThePatchedOne) {
+  chain_.add_map_tiler(hills());
+  publish(unnumbered(crane(70)));
+  publish(unnumbered(wall(60)));
+  ASSERT_TRUE(is_numbered(60, true));
+  EXPECT_EQ(chain_.patches.at(70).patch_number, 1);
+  EXPECT_EQ(chain_.patches.at(60).patch_number, 2);
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.patch_state && chain_.index; }));
+  EXPECT_EQ(chain_.index->patch_number, 2);
+  EXPECT_EQ(chain_.index->map_hash, patched({crane(70), wall(60)}).hash);
+  EXPECT_EQ(chain_.patch_state->map_hash, chain_.index->map_hash);
+  EXPECT_EQ(chain_.patch_state->base_map_hash, hills().hash);
+  EXPECT_EQ(chain_.patch_state->patch_count, 2);
+
+  // Said again it keeps its number; changed it gets another one; gone it is no more.
+  publish(unnumbered(wall(60)));
+  chain_.patches.clear();
+  ASSERT_TRUE(is_numbered(60, true));
+  EXPECT_EQ(chain_.patches.at(60).patch_number, 2);
+  map::Patch longer = wall(60);
+  longer.outline[0].y_m -= 100.0;
+  publish(unnumbered(longer));
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.patches.at(60).patch_number == 3; }));
+  for (const std::int64_t id : {60, 70}) {
+    MapPatch gone = unnumbered({});
+    gone.patch.id = id;
+    gone.is_present = false;
+    publish(gone);
+    ASSERT_TRUE(is_numbered(id, false));
+  }
+  EXPECT_EQ(chain_.index->patch_number, 5);
+  EXPECT_EQ(chain_.index->map_hash, hills().hash);
+}
+
+TEST_F(MapPatchService, WhatIsRefusedIsNamedToItsSenderAndChangesNothing) {
+  chain_.add_map_tiler(hills());
+  const auto refusal_of = [&](const MapPatch& message) {
+    chain_.patch_state.reset();
+    publish(message);
+    EXPECT_TRUE(chain_.turn_until([&] {
+      return chain_.patch_state && chain_.patch_state->refused_patch_id == message.patch.id;
+    }));
+    EXPECT_EQ(chain_.patch_state->refused_sender_id, chain_.listener().bus.sender_id());
+    return chain_.patch_state->refusal;
+  };
+  MapPatch foreign = unnumbered(crane(1));
+  foreign.base_map_hash = {1, 2};
+  EXPECT_THAT(refusal_of(foreign), HasSubstr(Hash128{1, 2}.hex()));
+  EXPECT_THAT(refusal_of(foreign), HasSubstr(hills().hash.hex()));
+  MapPatch outside = unnumbered(crane(2));
+  outside.patch.centre.x_m = 0.0;
+  EXPECT_THAT(refusal_of(outside), HasSubstr("outside the map"));
+  MapPatch unknown = unnumbered(crane(3));
+  unknown.is_present = false;
+  EXPECT_THAT(refusal_of(unknown), HasSubstr("nothing of this id"));
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.index.has_value(); }));
+  EXPECT_EQ(chain_.index->patch_number, 0);
+  EXPECT_EQ(chain_.index->map_hash, hills().hash);
+}
+
+TEST_F(MapPatchService, AMapTilerThatIsStartedAgainKnowsThePatchesOfItsJournal) {
+  test::TemporaryFolder folder;
+  const auto journal = folder.path() / "patches.lcmlog";
+  chain_.add_map_tiler(hills(), journal);
+  publish(unnumbered(crane(1)));
+  ASSERT_TRUE(is_numbered(1, true));
+  publish(unnumbered(wall(2)));
+  ASSERT_TRUE(is_numbered(2, true));
+  chain_.remove(0);
+  chain_.index.reset();
+  chain_.patches.clear();
+  chain_.add_map_tiler(hills(), journal);
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.index.has_value(); }));
+  EXPECT_EQ(chain_.index->patch_number, 2);
+  EXPECT_EQ(chain_.index->map_hash, patched({crane(1), wall(2)}).hash);
+  publish(unnumbered(crane(3)));
+  ASSERT_TRUE(is_numbered(3, true));
+  EXPECT_EQ(chain_.patches.at(3).patch_number, 3);
+
+  // Not over another map, and not when it is damaged.
+  map::Map other = hills();
+  other.label = "OTHER";
+  test::finish_map(other);
+  chain_.remove(0);
+  EXPECT_THROW(chain_.add_map_tiler(other, journal), DataError);
+  std::filesystem::resize_file(journal, std::filesystem::file_size(journal) - 5);
+  EXPECT_THROW(chain_.add_map_tiler(hills(), journal), DataError);
+}
+
+TEST_F(MapPatchService, APlanOverPatchesIsThatOfAMapWithTheSameThingsInIt) {
+  chain_.add_map_tiler(hills());
+  chain_.add_global_planner();
+  chain_.add_local_planner();
+  publish(unnumbered(wall(60)));
+  publish(unnumbered(crane(70)));
+  ASSERT_TRUE(is_numbered(70, true));
+  const map::Map map = patched({wall(60), crane(70)});
+  const auto config =
+      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
+  chain_.ask(test::across_the_hills(map), map.hash, config.text);
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.plan().has_value(); }));
+  EXPECT_EQ(chain_.routes.back().patch_number, 2);
+  EXPECT_EQ(chain_.trajectories.back().patch_number, 2);
+
+  SilentObserver observer;
+  const auto local = std::get<flight::Plan>(
+      planning::plan(map, test::across_the_hills(map), config, {}, observer));
+  EXPECT_EQ(output::plan_json(*chain_.plan()), output::plan_json(local));
+  EXPECT_EQ(output::trajectory_csv(*chain_.plan()), output::trajectory_csv(local));
+}
+
+// What is asked of the old map meanwhile is neither answered nor mixed: the work stops.
+TEST_F(MapPatchService, APlanUnderWayIsGivenUpWhenThePatchComesAndMadeOnTheNewMap) {
+  chain_.add_map_tiler(hills());
+  chain_.add_global_planner();
+  flight::PlanRequest request = test::across_the_hills(hills());
+  request.work_budget = 2'000'000'000;  // hours
+  const auto config = planning::read_planning_config(
+      planning::effective_planning_config("", {"global.planner=bit_star", "global.refine=false"}),
+      "shipped");
+  chain_.ask(request, hills().hash, config.text);
+  // The planner holds this thread until it hears of the patch, which needs a map_tiler in another.
+  const std::string url = chain_.url();
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.index.has_value(); }));
+  std::thread tiler([&] {
+    test::Station station(url, "map_tiler");
+    services::MapTilerService service(
+        services::read_map_tiler_options(services::load_config("", "map_tiler.yaml").reader()),
+        hills(), station.bus, station.exchange);
+    bool is_working = false;
+    std::int64_t waits_for_patch = 0;
+    station.bus.subscribe<messages::PlanStatus>(
+        messages::kPlanStatusChannel,
+        [&](const messages::PlanStatus& status, const messages::Stamp&) {
+          is_working = is_working || status.state == PlanState::kWorking;
+          waits_for_patch += status.text.find("(patch 1)") != std::string::npos ? 1 : 0;
+        });
+    bool is_told = false;
+    const Time begin = station.bus.now();
+    while (waits_for_patch == 0 && seconds_between(begin, station.bus.now()) < 20.0) {
+      station.loop.turn(0.01, [&](Time now) {
+        if (is_working && !is_told) {
+          is_told = true;
+          station.bus.publish(messages::kMapPatchChannel, unnumbered(wall(60)), now);
+        }
+        service.tick(now);
+      });
+    }
+  });
+  EXPECT_TRUE(chain_.turn_until([&] {
+    const auto status = chain_.newest_status(messages::PlanStage::kGlobal);
+    return status && status->text.find("(patch 1)") != std::string::npos;
+  }));
+  tiler.join();
+  EXPECT_TRUE(chain_.routes.empty());
+  EXPECT_EQ(chain_.newest_status(messages::PlanStage::kGlobal)->state, PlanState::kWaiting);
+
+  // Asked on the map that counts now, it is planned.
+  request.work_budget = 20000;
+  chain_.ask(request, patched({wall(60)}).hash, config.text);
+  ASSERT_TRUE(chain_.turn_until([&] { return !chain_.routes.empty(); }));
+  EXPECT_EQ(chain_.routes.back().patch_number, 1);
+  EXPECT_EQ(chain_.routes.back().map_hash, patched({wall(60)}).hash);
+}
+
+TEST_F(MapPatchService, ARouteOfAnotherPatchIsRefusedAndBothAreNamed) {
+  chain_.add_map_tiler(hills());
+  chain_.add_local_planner();
+  publish(unnumbered(crane(1)));
+  ASSERT_TRUE(is_numbered(1, true));
+  // Made on the base map by somebody who has not heard of the patch.
+  SilentObserver observer;
+  const auto config =
+      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
+  const auto route = std::get<flight::RoutePlan>(
+      planning::plan_route(hills(), test::across_the_hills(hills()), config, {}, observer));
+  test::Station& station = chain_.listener();
+  messages::RouteHeader header;
+  header.request_id = route.request_id;
+  header.map_hash = hills().hash;
+  header.plan = station.exchange.offer(messages::encode_route_plan(route), true);
+  header.provenance = "test";
+  station.bus.publish(messages::kRouteChannel, header, station.bus.now());
+  const auto text = [&] {
+    const auto status = chain_.newest_status(messages::PlanStage::kLocal);
+    return status ? status->text : std::string();
+  };
+  ASSERT_TRUE(chain_.turn_until([&] { return text().find("(patch 1)") != std::string::npos; }));
+  EXPECT_THAT(text(), HasSubstr(hills().hash.hex()));
+  EXPECT_THAT(text(), HasSubstr(patched({crane(1)}).hash.hex()));
+  station.bus.publish(messages::kPlanCancelChannel, messages::PlanCancel{{1, 2}},
+                      station.bus.now() + 60.0);  // message time goes on by a minute
+  EXPECT_TRUE(chain_.turn_until([&] {
+    return chain_.newest_status(messages::PlanStage::kLocal)->state == PlanState::kRefused;
+  }));
+  EXPECT_TRUE(chain_.trajectories.empty());
+}
+
+}  // namespace
+}  // namespace hedgehop
