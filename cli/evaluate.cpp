@@ -9,6 +9,7 @@
 
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
+#include "evaluate_framework.hpp"
 #include "evaluate_local.hpp"
 #include "evaluate_optimality.hpp"
 #include "evaluate_speed.hpp"
@@ -56,6 +57,7 @@ EvaluationConfig evaluation_config() {
   ConfigReader protection = reader.required_section("protection");
   config.protection = evaluation::read_protection_options(protection);
   read_local_evaluation_config(reader);
+  read_framework_evaluation_config(reader);
   ConfigReader optimality = reader.required_section("optimality");
   config.optimality = evaluation::read_optimality_config(optimality);
   ConfigReader verifier = reader.required_section("verifier");
@@ -192,12 +194,15 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       "Examples:\n  hedgehop evaluate random --map map --problems 20 --json\n"
       "  hedgehop evaluate protection --map map --json\n"
       "  hedgehop evaluate table2 --map map --routes routes --json\n"
+      "  hedgehop evaluate table3 --map map --runs 5 --budget-s 5 --json\n"
+      "  hedgehop evaluate sensitivity --map map --json\n"
       "  hedgehop evaluate local-safety --map map --routes routes --json\n"
       "  hedgehop evaluate local-speed --json\n"
       "  hedgehop evaluate optimality --map map --problems 5 --json\n"
       "  hedgehop evaluate verifier --map map --plans 100 --json");
   add_protection_verb(*verb, console);
   add_local_evaluation_verbs(*verb, console);
+  add_framework_evaluation_verbs(*verb, console);
   add_optimality_verb(*verb, console);
   add_local_speed_verb(*verb, console);
   add_verifier_verb(*verb, console);

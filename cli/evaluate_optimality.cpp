@@ -3,16 +3,13 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 
 #include "base/shipped_config.hpp"
 #include "evaluation/contestants.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation_arguments.hpp"
-#include "hedgehop_version.hpp"
 #include "map/map_bundle.hpp"
-#include "preparation/visibility.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -28,23 +25,6 @@ struct Arguments {
   SeedArgument seed;
   PlanningArguments planning;
 };
-
-evaluation::MachineRecord this_machine() {
-  evaluation::MachineRecord machine;
-  machine.version = HEDGEHOP_VERSION;
-  machine.simd = preparation::is_available(preparation::Simd::kAvx512) ? "avx512"
-                 : preparation::is_available(preparation::Simd::kAvx2) ? "avx2"
-                                                                       : "baseline";
-  std::ifstream processors("/proc/cpuinfo");
-  for (std::string line; std::getline(processors, line);) {
-    const std::size_t colon = line.find(": ");
-    if (line.rfind("model name", 0) == 0 && colon != std::string::npos) {
-      machine.processor = line.substr(colon + 2);
-      break;
-    }
-  }
-  return machine;
-}
 
 // "1.023", or "-" for nothing to count.
 std::string text_of(double value, int decimals) {

@@ -2,7 +2,11 @@
 
 #include <CLI/CLI.hpp>
 #include <ctime>
+#include <fstream>
 #include <random>
+
+#include "hedgehop_version.hpp"
+#include "preparation/visibility.hpp"
 
 namespace hedgehop::cli {
 namespace {
@@ -38,6 +42,25 @@ std::uint64_t SeedArgument::value(const Console& console) const {
   console.say("seed " + std::to_string(seed));
   return seed;
 }
+
+evaluation::MachineRecord this_machine() {
+  evaluation::MachineRecord machine;
+  machine.version = HEDGEHOP_VERSION;
+  machine.simd = preparation::is_available(preparation::Simd::kAvx512) ? "avx512"
+                 : preparation::is_available(preparation::Simd::kAvx2) ? "avx2"
+                                                                       : "baseline";
+  std::ifstream processors("/proc/cpuinfo");
+  for (std::string line; std::getline(processors, line);) {
+    const std::size_t colon = line.find(": ");
+    if (line.rfind("model name", 0) == 0 && colon != std::string::npos) {
+      machine.processor = line.substr(colon + 2);
+      break;
+    }
+  }
+  return machine;
+}
+
+double wall_s() { return seconds_of(CLOCK_MONOTONIC); }
 
 double thread_cpu_s() { return seconds_of(CLOCK_THREAD_CPUTIME_ID); }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "console.hpp"
+#include "evaluation/optimality_evaluation.hpp"
 #include "planning/planning.hpp"
 
 namespace hedgehop::cli {
@@ -28,6 +29,12 @@ struct SeedArgument {
   /// The one given, or a fresh one; told on stderr either way.
   [[nodiscard]] std::uint64_t value(const Console& console) const;
 };
+
+/// Processor, instruction set and version of this program, for the record.
+evaluation::MachineRecord this_machine();
+
+/// Seconds since some moment of the past.
+double wall_s();
 
 /// Processor seconds of the calling thread, and of the whole process.
 double thread_cpu_s();

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 #include <limits>
+#include <stdexcept>
 #include <type_traits>
 #include <variant>
 
@@ -194,26 +195,57 @@ void hear_child(std::string_view bytes, Attempt& attempt) {
   attempt.routes.push_back(std::move(route));
 }
 
-Attempt run_stock(const risk::CostModel& costs, const planning::PlanningConfig& config,
-                  StockMethod method, const OptimalityTask& task, double overrun_s,
-                  const ProcessClock& clock, const Observer& observer) {
-  const double radius_m =
-      config.global.turn_radius_m > 0.0
-          ? config.global.turn_radius_m
-          : flight::turn_radius_min_m(config.speed_mps, config.vehicle.limits.bank_max_rad);
+std::string message_of_route(double time_s, const std::vector<Waypoint>& route) {
+  const RouteMessage head{'r', time_s, route.size()};
+  std::string message(bytes_of(head));
+  message.append(reinterpret_cast<const char*>(route.data()), route.size() * sizeof(Waypoint));
+  return message;
+}
+
+double turn_radius_m_of(const planning::PlanningConfig& config) {
+  return config.global.turn_radius_m > 0.0
+             ? config.global.turn_radius_m
+             : flight::turn_radius_min_m(config.speed_mps, config.vehicle.limits.bank_max_rad);
+}
+
+}  // namespace
+
+Attempt run_stock(const risk::CostModel& costs, const GlobalOptions& options, const StockRun& run,
+                  const OptimalityTask& task, const ProcessClock& clock, const Observer& observer) {
   const auto work = [&](const SendMessage& send) {
     const Stopwatch watch(clock);
-    const FlightEnvelope envelope(costs, config.global, task.start, task.goal);
-    global_planning::StockPlanner planner(envelope, config.global, method, radius_m, task.seed);
-    const auto on_route = [&](const std::vector<Waypoint>& route) {
-      const RouteMessage head{'r', watch.elapsed_s(), route.size()};
-      std::string message(bytes_of(head));
-      message.append(reinterpret_cast<const char*>(route.data()), route.size() * sizeof(Waypoint));
-      send(message);
-    };
+    const FlightEnvelope envelope(costs, options, task.start, task.goal);
+    global_planning::StockPlanner planner(envelope, options, run.method, run.turn_radius_m,
+                                          task.seed, run.headings);
     for (const double budget_s : task.budgets_s) {
-      planner.run([&] { return watch.elapsed_s() >= budget_s; }, on_route);
+      planner.run([&] { return watch.elapsed_s() >= budget_s; },
+                  [&](const std::vector<Waypoint>& route) {
+                    send(message_of_route(watch.elapsed_s(), route));
+                  });
       send(bytes_of(MarkMessage{'m', watch.elapsed_s(), planner.edge_evaluations()}));
+    }
+  };
+  Attempt attempt;
+  attempt.failure = run_in_child(
+      work, [&](std::string_view bytes) { hear_child(bytes, attempt); },
+      task.budgets_s.back() + run.overrun_s, observer);
+  return attempt;
+}
+
+Attempt run_paper_planner(const risk::CostModel& costs, const GlobalOptions& options,
+                          const OptimalityTask& task, double overrun_s, const ProcessClock& clock,
+                          const Observer& observer) {
+  const auto work = [&](const SendMessage& send) {
+    const Attempt inner =
+        run_bit_star(costs, paper_options(options), task, clock, SilentObserver());
+    for (const TimedRoute& route : inner.routes) {
+      send(message_of_route(route.time_s, route.waypoints));
+    }
+    for (const BudgetMark& mark : inner.marks) {
+      send(bytes_of(MarkMessage{'m', mark.stopped_s, mark.edges}));
+    }
+    if (!inner.failure.empty()) {
+      throw std::runtime_error(inner.failure);
     }
   };
   Attempt attempt;
@@ -222,8 +254,6 @@ Attempt run_stock(const risk::CostModel& costs, const planning::PlanningConfig& 
       task.budgets_s.back() + overrun_s, observer);
   return attempt;
 }
-
-}  // namespace
 
 std::vector<std::string> contestant_names() {
   std::vector<std::string> names = {"recommended", "bitstar"};
@@ -273,7 +303,8 @@ std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
     add(name, *method == StockMethod::kDubins ? "curves" : "none", true,
         [&costs, &config, method = *method, overrun_s, clock](const OptimalityTask& task,
                                                               const Observer& observer) {
-          return run_stock(costs, config, method, task, overrun_s, clock, observer);
+          return run_stock(costs, config.global, {method, turn_radius_m_of(config), {}, overrun_s},
+                           task, clock, observer);
         });
   }
   return contestants;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "evaluation/optimality_evaluation.hpp"
+#include "global_planning/stock_planner.hpp"
 #include "planning/planning.hpp"
 #include "risk/cost_model.hpp"
 
@@ -28,6 +29,25 @@ std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
                                          const risk::CostModel& costs,
                                          const planning::PlanningConfig& config, double overrun_s,
                                          const ProcessClock& clock);
+
+/// How a planner of the library runs in a comparison.
+struct StockRun {
+  global_planning::StockMethod method = global_planning::StockMethod::kBitStar;
+  double turn_radius_m = 0.0;             // of Dubins curves
+  global_planning::EndHeadings headings;  // likewise
+  double overrun_s = 0.0;                 // it is ended so long after the last budget
+};
+
+/// A planner of the library on one problem, in a child process.
+Attempt run_stock(const risk::CostModel& costs, const global_planning::GlobalOptions& options,
+                  const StockRun& run, const OptimalityTask& task, const ProcessClock& clock,
+                  const Observer& observer);
+
+/// The contestant "bitstar" on one problem, in a child process, so that several can run at once and
+/// each have a clock of its own. Without a lower bound.
+Attempt run_paper_planner(const risk::CostModel& costs,
+                          const global_planning::GlobalOptions& options, const OptimalityTask& task,
+                          double overrun_s, const ProcessClock& clock, const Observer& observer);
 
 /// Refines the candidates, then plans again and again with other resolutions and with our BIT*
 /// under other seeds, each refined, until the time is used up.

@@ -9,9 +9,8 @@
 #include <optional>
 
 #include "base/errors.hpp"
-#include "base/files.hpp"
-#include "base/hash.hpp"
 #include "evaluation/crowd_observer.hpp"
+#include "evaluation/kept_answers.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
@@ -19,7 +18,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::int64_t kTriesPerRoute = 3;
-constexpr int kCacheVersion = 1;
 
 // What became of one problem: a route, or none.
 struct Answer {
@@ -43,10 +41,8 @@ flight::Waypoint waypoint_of(const Json& json) {
   return {number_of(json.at(0)), number_of(json.at(1)), number_of(json.at(2))};
 }
 
-std::string text_of(const Answer& answer, const std::string& question) {
+Json json_of(const Answer& answer) {
   Json json;
-  json["version"] = kCacheVersion;
-  json["question"] = question;
   json["is_found"] = answer.route.has_value();
   if (answer.route) {
     json["start"] = waypoint_json(answer.route->start);
@@ -57,31 +53,21 @@ std::string text_of(const Answer& answer, const std::string& question) {
       json["guide"].push_back(waypoint_json(waypoint));
     }
   }
-  return json.dump() + "\n";
+  return json;
 }
 
-// Nothing if the file is not there or says something else.
-std::optional<Answer> answer_in(const std::filesystem::path& file, const std::string& question,
-                                std::int64_t problem) {
-  std::error_code error;
-  if (file.empty() || !std::filesystem::is_regular_file(file, error)) {
-    return std::nullopt;
-  }
+// Nothing if it is damaged.
+std::optional<Answer> answer_of(const Json& json, std::int64_t problem) {
   try {
-    const Json root = Json::parse(read_file(file));
-    if (root.at("version").get<int>() != kCacheVersion ||
-        root.at("question").get<std::string>() != question) {
-      return std::nullopt;
-    }
     Answer answer;
     answer.is_from_cache = true;
-    if (root.at("is_found").get<bool>()) {
+    if (json.at("is_found").get<bool>()) {
       DrawnRoute route;
       route.problem = problem;
-      route.start = waypoint_of(root.at("start"));
-      route.goal = waypoint_of(root.at("goal"));
-      route.cost_m = number_of(root.at("cost_m"));
-      for (const Json& point : root.at("guide")) {
+      route.start = waypoint_of(json.at("start"));
+      route.goal = waypoint_of(json.at("goal"));
+      route.cost_m = number_of(json.at("cost_m"));
+      for (const Json& point : json.at("guide")) {
         route.guide.push_back(waypoint_of(point));
       }
       if (route.guide.size() < 2) {
@@ -100,13 +86,7 @@ std::optional<Answer> answer_in(const std::filesystem::path& file, const std::st
 }  // namespace
 
 DrawingRules read_route_rules(ConfigReader& reader) {
-  DrawingRules rules;
-  rules.margin_m = reader.required_double("margin_m");
-  rules.distance_min_m = reader.required_double("distance_min_m");
-  rules.draws_max = reader.required_integer("draws_max");
-  reader.require(rules.margin_m >= 0.0, "margin_m", "must not be negative");
-  reader.require(rules.distance_min_m > 0.0, "distance_min_m", "must be above 0");
-  reader.require(rules.draws_max >= 1, "draws_max", "must be above 0");
+  const DrawingRules rules = read_drawing_rules(reader);
   reader.finish();
   return rules;
 }
@@ -121,17 +101,7 @@ DrawnRoutes draw_routes(const map::Map& map, const planning::PlanningConfig& con
   identity["margin_m"] = rules.margin_m;
   identity["distance_min_m"] = rules.distance_min_m;
   identity["seed"] = seed;
-  const std::string question = hash128(identity.dump()).hex();
-  const std::filesystem::path folder =
-      cache_folder.empty() ? cache_folder : cache_folder / question;
-  if (!folder.empty()) {
-    std::error_code error;
-    std::filesystem::create_directories(folder, error);
-    if (error) {
-      throw SystemFailure("cannot make the folder " + folder.string() + ": " + error.message(),
-                          "choose another folder for the routes");
-    }
-  }
+  const KeptAnswers kept_answers(cache_folder, identity);
 
   const geo::MapProjection projection(map.crs_wkt);
   const std::int64_t tries = kTriesPerRoute * count;
@@ -147,9 +117,11 @@ DrawnRoutes draw_routes(const map::Map& map, const planning::PlanningConfig& con
       observer.check_stop();
       const std::int64_t problem = first + static_cast<std::int64_t>(at);
       const DrawnProblem& ends = drawn.problems[static_cast<std::size_t>(problem)];
-      const std::filesystem::path file =
-          folder.empty() ? folder : folder / (std::to_string(problem) + ".json");
-      if (auto kept = answer_in(file, question, problem)) {
+      std::optional<Answer> kept;
+      if (const auto json = kept_answers.find(problem)) {
+        kept = answer_of(*json, problem);
+      }
+      if (kept) {
         answers[at] = std::move(*kept);
       } else {
         flight::PlanRequest request;
@@ -168,9 +140,7 @@ DrawnRoutes draw_routes(const map::Map& map, const planning::PlanningConfig& con
         } else if (std::get<flight::NoPlan>(planned).cause == flight::NoPlanCause::kStopped) {
           throw Interrupted();
         }
-        if (!file.empty()) {
-          write_file_atomically(file, text_of(answers[at], question));
-        }
+        kept_answers.keep(problem, json_of(answers[at]));
       }
       found += answers[at].route ? 1 : 0;
       observer.progress("global routes", static_cast<double>(std::min(found.load(), count)),

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "base/errors.hpp"
-#include "evaluation/crowd_observer.hpp"
+#include "evaluation/flown_route.hpp"
 #include "global_planning/random_source.hpp"
 
 namespace hedgehop::evaluation {
@@ -20,31 +20,6 @@ using planning::RouteFlight;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kCostRounding = 1e-9;
-
-PlanningConfig config_with(const std::string& text, const std::vector<std::string>& settings) {
-  std::string changed = text;
-  for (const std::string& setting : settings) {
-    changed = set_config_value(changed, setting);
-  }
-  return planning::read_planning_config(changed, "planning config with settings of an evaluation");
-}
-
-// Nothing if the flight did not reach the goal.
-std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningConfig& config,
-                                 const DrawnRoute& route, const Observer& observer) {
-  planning::RouteTask task;
-  task.start = route.start;
-  task.goal = route.goal;
-  task.guide = route.guide;
-  task.held = {route.goal};
-  task.speed_mps = config.speed_mps;
-  task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle.limits);
-  CrowdObserver crowd(observer);
-  auto answer = planning::fly_route(costs, config, task, {}, crowd);
-  observer.check_stop();
-  auto* flight = std::get_if<RouteFlight>(&answer);
-  return flight != nullptr ? std::optional(std::move(*flight)) : std::nullopt;
-}
 
 // What table 2 needs of a flight.
 struct Outcome {

@@ -1,22 +1,12 @@
 #include <nlohmann/json.hpp>
 
 #include "evaluation/local_flights.hpp"
+#include "evaluation/shared_json.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json change_json(const PairedChange& change) {
-  return {{"change", change.change},
-          {"low", change.low},
-          {"high", change.high},
-          {"mean_change", change.mean_change},
-          {"change_deviation", change.change_deviation},
-          {"ratio_pairs", change.ratio_pairs},
-          {"sum", change.sum},
-          {"baseline_sum", change.baseline_sum}};
-}
 
 }  // namespace
 

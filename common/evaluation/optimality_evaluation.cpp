@@ -7,6 +7,7 @@
 #include <oneapi/tbb/global_control.h>
 
 #include "base/errors.hpp"
+#include "evaluation/paired_statistics.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/route_finish.hpp"
 #include "raster/grid.hpp"
@@ -20,15 +21,6 @@ using global_planning::FlightEnvelope;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kCostStep_m = 1.0;
-
-double median_of(std::vector<double> values) {
-  if (values.empty()) {
-    return kNaN;
-  }
-  std::sort(values.begin(), values.end());
-  const std::size_t middle = values.size() / 2;
-  return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
-}
 
 double p95_of(std::vector<double> values) {
   if (values.empty()) {
@@ -220,11 +212,7 @@ OptimalityConfig read_optimality_config(ConfigReader& reader) {
   options.problems = reader.required_integer("problems");
   reader.require(options.problems >= 1 && options.problems <= 100000, "problems",
                  "must lie in 1 to 100000");
-  options.drawing.margin_m = reader.required_double("margin_m");
-  reader.require(options.drawing.margin_m >= 0.0, "margin_m", "must not be negative");
-  options.drawing.distance_min_m = positive("distance_min_m");
-  options.drawing.draws_max = reader.required_integer("draws_max");
-  reader.require(options.drawing.draws_max >= 1, "draws_max", "must be at least 1");
+  options.drawing = read_drawing_rules(reader);
   options.budgets_s = reader.required_doubles("budgets_s");
   reader.require(!options.budgets_s.empty() && options.budgets_s.front() > 0.0 &&
                      std::is_sorted(options.budgets_s.begin(), options.budgets_s.end()),

@@ -18,6 +18,15 @@ double relative_change(double value, double baseline) {
 
 }  // namespace
 
+double median_of(std::vector<double> values) {
+  if (values.empty()) {
+    return kNan;
+  }
+  std::sort(values.begin(), values.end());
+  const std::size_t middle = values.size() / 2;
+  return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
+}
+
 PairedChange paired_change(const std::vector<double>& values, const std::vector<double>& baseline,
                            std::int64_t bootstrap_draws, std::uint64_t seed) {
   if (values.empty() || values.size() != baseline.size() || bootstrap_draws < 1) {

@@ -5,6 +5,9 @@
 
 namespace hedgehop::evaluation {
 
+/// NaN for no values; the mean of the middle two of an even number.
+double median_of(std::vector<double> values);
+
 /// How a quantity changed between pairs of runs. Changes are relative: -0.05 is a twentieth less.
 struct PairedChange {
   std::int64_t pairs = 0;

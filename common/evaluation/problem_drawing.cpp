@@ -22,6 +22,17 @@ std::uint64_t drawn_below(std::uint64_t bound, std::mt19937_64& random) {
 
 }  // namespace
 
+DrawingRules read_drawing_rules(ConfigReader& reader) {
+  DrawingRules rules;
+  rules.margin_m = reader.required_double("margin_m");
+  rules.distance_min_m = reader.required_double("distance_min_m");
+  rules.draws_max = reader.required_integer("draws_max");
+  reader.require(rules.margin_m >= 0.0, "margin_m", "must not be negative");
+  reader.require(rules.distance_min_m > 0.0, "distance_min_m", "must be above 0");
+  reader.require(rules.draws_max >= 1, "draws_max", "must be above 0");
+  return rules;
+}
+
 DrawnProblems draw_problems(const map::Map& map, const DrawingRules& rules, std::int64_t count,
                             std::uint64_t seed) {
   const raster::GridGeometry& geometry = map.geometry;

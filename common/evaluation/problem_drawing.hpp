@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/config_reader.hpp"
 #include "geo/map_projection.hpp"
 #include "map/map.hpp"
 
@@ -14,6 +15,10 @@ struct DrawingRules {
   double distance_min_m = 0.0;  // least straight distance between start and goal
   std::int64_t draws_max = 0;   // pairs to draw at most
 };
+
+/// Reads its three keys out of an evaluation's section, which goes on being read. Throws
+/// ConfigError.
+DrawingRules read_drawing_rules(ConfigReader& reader);
 
 /// Centres of two cells.
 struct DrawnProblem {

@@ -87,16 +87,11 @@ void count(RandomResult& result) {
 RandomOptions read_random_options(ConfigReader& reader) {
   RandomOptions options;
   options.problems = reader.required_integer("problems");
-  options.drawing.margin_m = reader.required_double("margin_m");
-  options.drawing.distance_min_m = reader.required_double("distance_min_m");
-  options.drawing.draws_max = reader.required_integer("draws_max");
+  options.drawing = read_drawing_rules(reader);
   options.work_budget = reader.required_integer("work_budget");
   options.baseline_settings = reader.required_strings("baseline_settings");
   reader.require(options.problems >= 1 && options.problems <= 100000, "problems",
                  "must lie between 1 and 100000");
-  reader.require(options.drawing.margin_m >= 0.0, "margin_m", "must not be negative");
-  reader.require(options.drawing.distance_min_m > 0.0, "distance_min_m", "must be above 0");
-  reader.require(options.drawing.draws_max >= 1, "draws_max", "must be above 0");
   reader.require(options.work_budget >= 0, "work_budget", "must not be negative");
   reader.finish();
   return options;

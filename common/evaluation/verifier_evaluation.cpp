@@ -218,9 +218,7 @@ void Gap::add(double gap_m) {
 VerifierOptions read_verifier_options(ConfigReader& reader) {
   VerifierOptions options;
   options.plans = reader.required_integer("plans");
-  options.drawing.margin_m = reader.required_double("margin_m");
-  options.drawing.distance_min_m = reader.required_double("distance_min_m");
-  options.drawing.draws_max = reader.required_integer("draws_max");
+  options.drawing = read_drawing_rules(reader);
   options.work_budget = reader.required_integer("work_budget");
   options.via_every = reader.required_integer("via_every");
   options.sample_m = reader.required_double("sample_m");
@@ -230,9 +228,6 @@ VerifierOptions read_verifier_options(ConfigReader& reader) {
   options.hazard_distance_m = reader.required_double("hazard_distance_m");
   reader.require(options.plans >= 1 && options.plans <= 1000000, "plans",
                  "must lie between 1 and 1000000");
-  reader.require(options.drawing.margin_m >= 0.0, "margin_m", "must not be negative");
-  reader.require(options.drawing.distance_min_m > 0.0, "distance_min_m", "must be above 0");
-  reader.require(options.drawing.draws_max >= 1, "draws_max", "must be above 0");
   reader.require(options.work_budget >= 0, "work_budget", "must not be negative");
   reader.require(options.via_every >= 0, "via_every", "must not be negative");
   reader.require(options.sample_m > 0.0, "sample_m", "must be above 0");

@@ -542,7 +542,7 @@ std::string_view name_of(StockMethod method) {
 class StockPlanner::Search {
  public:
   Search(const FlightEnvelope& envelope, const GlobalOptions& options, StockMethod method,
-         double turn_radius_m, std::uint64_t seed) {
+         double turn_radius_m, std::uint64_t seed, const EndHeadings& headings) {
     ompl::msg::noOutputHandler();
     ompl::RNG::setSeed(static_cast<std::uint_fast32_t>(seed % 0xFFFFFFFFU) + 1U);
     const ob::SpaceInformationPtr straight = make_space_information(envelope, options.check_step_m);
@@ -572,11 +572,11 @@ class StockPlanner::Search {
     problem_ = std::make_shared<ob::ProblemDefinition>(space_);
     const Waypoint& from = envelope.start();
     const Waypoint& to = envelope.goal();
-    const double heading_rad = elementary::atan2(to.y_m - from.y_m, to.x_m - from.x_m);
+    const double straight_rad = elementary::atan2(to.y_m - from.y_m, to.x_m - from.x_m);
     start_ = space_->allocState();
     goal_ = space_->allocState();
-    frame_->assign_state(start_, from, heading_rad);
-    frame_->assign_state(goal_, to, heading_rad);
+    frame_->assign_state(start_, from, headings.start_math_rad.value_or(straight_rad));
+    frame_->assign_state(goal_, to, headings.goal_math_rad.value_or(straight_rad));
     ob::ScopedState<> start(space_);
     ob::ScopedState<> goal(space_);
     start = start_;
@@ -655,8 +655,9 @@ class StockPlanner::Search {
 };
 
 StockPlanner::StockPlanner(const FlightEnvelope& envelope, const GlobalOptions& options,
-                           StockMethod method, double turn_radius_m, std::uint64_t seed)
-    : search_(std::make_unique<Search>(envelope, options, method, turn_radius_m, seed)) {}
+                           StockMethod method, double turn_radius_m, std::uint64_t seed,
+                           const EndHeadings& headings)
+    : search_(std::make_unique<Search>(envelope, options, method, turn_radius_m, seed, headings)) {}
 
 StockPlanner::~StockPlanner() = default;
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -31,6 +32,13 @@ inline constexpr std::array<StockMethod, 7> kStockMethods = {
 /// "ompl_bitstar" and so on; "dubins".
 std::string_view name_of(StockMethod method);
 
+/// Headings that Dubins curves begin and end with, counter-clockwise from east; without one, that
+/// of the line from start to goal.
+struct EndHeadings {
+  std::optional<double> start_math_rad;
+  std::optional<double> goal_math_rad;
+};
+
 /// One of the library's own planners at work on the problem that our planners solve: eq. (1) over
 /// straight legs, the same envelope, the same climb limit, checked as exactly.
 ///
@@ -43,7 +51,7 @@ std::string_view name_of(StockMethod method);
 /// so routes may turn anyhow.
 ///
 /// Dubins: edges are Dubins curves of one radius whose altitude is linear along the curve, so that
-/// all turns can be flown. States have a heading; start and goal head along the line between them.
+/// all turns can be flown. States have a heading; those of start and goal are EndHeadings.
 /// The word of an edge is solved once, then eq. (1) is integrated along it. Routes are polylines
 /// with steps of final_check_step_m.
 ///
@@ -58,7 +66,7 @@ class StockPlanner {
   /// The envelope must outlive the planner. `turn_radius_m` is that of the Dubins curves.
   /// @throws std::invalid_argument  for a radius that is not positive with kDubins
   StockPlanner(const FlightEnvelope& envelope, const GlobalOptions& options, StockMethod method,
-               double turn_radius_m, std::uint64_t seed);
+               double turn_radius_m, std::uint64_t seed, const EndHeadings& headings = {});
   ~StockPlanner();
   StockPlanner(const StockPlanner&) = delete;
   StockPlanner& operator=(const StockPlanner&) = delete;

@@ -8,6 +8,7 @@
 #include "base/errors.hpp"
 #include "base/files.hpp"
 #include "support/fresh_seed.hpp"
+#include "support/shipped_options.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/test_map.hpp"
 #include "support/utm_map.hpp"
@@ -20,10 +21,6 @@ map::Map flat_map() {
   test::place_in_utm(map);
   test::finish_map(map);
   return map;
-}
-
-planning::PlanningConfig config_with(const std::vector<std::string>& settings) {
-  return planning::read_planning_config(planning::effective_planning_config("", settings), "test");
 }
 
 const DrawingRules kRules{1500.0, 8000.0, 100000};
@@ -57,7 +54,7 @@ class DrawnRoutesTest : public ::testing::Test {
 
   map::Map map_ = flat_map();
   geo::MapProjection projection_{map_.crs_wkt};
-  planning::PlanningConfig config_ = config_with({});
+  planning::PlanningConfig config_ = test::shipped_planning({});
   test::TemporaryFolder folder_;
   std::uint64_t seed_ = test::fresh_seed() % 1000000;
   std::atomic<int> planned_{0};
@@ -87,8 +84,10 @@ TEST_F(DrawnRoutesTest, SecondRunTakesEveryNumberFromTheCache) {
 TEST_F(DrawnRoutesTest, OtherQuestionsHaveOtherRoutes) {
   draw(2, planner(), config_, seed_);
   EXPECT_EQ(draw(2, planner(), config_, seed_ + 1).from_cache, 0) << "seed";
-  EXPECT_EQ(draw(2, planner(), config_with({"weights.visibility=3"}), seed_).from_cache, 0);
-  EXPECT_EQ(draw(2, planner(), config_with({"local.look_ahead_m=500"}), seed_).from_cache, 2)
+  EXPECT_EQ(draw(2, planner(), test::shipped_planning({"weights.visibility=3"}), seed_).from_cache,
+            0);
+  EXPECT_EQ(
+      draw(2, planner(), test::shipped_planning({"local.look_ahead_m=500"}), seed_).from_cache, 2)
       << "routes do not depend on the local planner";
   map_.label = "another";
   test::finish_map(map_);
@@ -120,7 +119,7 @@ TEST_F(DrawnRoutesTest, ProblemsWithoutARouteAreCountedAndReplacedByTheNext) {
   EXPECT_EQ(drawn.routes[3].problem, 7);
   EXPECT_EQ(drawn.problems, 8);
   EXPECT_EQ(draw(4, planner(2), config_, seed_).from_cache, 8) << "what has none is kept too";
-  EXPECT_THROW(draw(4, planner(1), config_with({"speed_mps=30"}), seed_), DataError);
+  EXPECT_THROW(draw(4, planner(1), test::shipped_planning({"speed_mps=30"}), seed_), DataError);
 }
 
 TEST_F(DrawnRoutesTest, ThreadsDoNotMatter) {

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <oneapi/tbb/global_control.h>
 
-#include "base/shipped_config.hpp"
 #include "support/fresh_seed.hpp"
+#include "support/shipped_options.hpp"
 #include "support/test_map.hpp"
 #include "support/utm_map.hpp"
 
@@ -47,26 +47,15 @@ DrawnRoutes straight_routes(const map::Map& map) {
   return drawn;
 }
 
-planning::PlanningConfig shipped_planning() {
-  return planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
-}
-
-template <typename Read>
-auto shipped_section(const char* key, const Read& read) {
-  ConfigReader all = ConfigReader::from_text(shipped_config("evaluation.yaml"), "evaluation.yaml");
-  ConfigReader section = all.required_section(key);
-  return read(section);
-}
-
-Table2Options shipped_table2() { return shipped_section("table2", read_table2_options); }
+Table2Options shipped_table2() { return test::shipped_evaluation("table2", read_table2_options); }
 LocalSafetyOptions shipped_safety() {
-  return shipped_section("local_safety", read_local_safety_options);
+  return test::shipped_evaluation("local_safety", read_local_safety_options);
 }
 
 TEST(EvaluateTable2, ComparesWithPlainFollowingAndFindsNoRegression) {
   const map::Map map = striped_hills();
   SilentObserver observer;
-  const Table2Result result = evaluate_table2(map, shipped_planning(), shipped_table2(),
+  const Table2Result result = evaluate_table2(map, test::shipped_planning(), shipped_table2(),
                                               straight_routes(map), test::fresh_seed(), observer);
   EXPECT_EQ(result.runs, 2);
   EXPECT_EQ(result.plain_not_reached, 0);
@@ -98,7 +87,7 @@ TEST(EvaluateLocalSafety, CountsWhatTheVerifierSaysOfTheSameFlightsInEveryRow) {
   const map::Map map = striped_hills();
   SilentObserver observer;
   LocalSafetyOptions options = shipped_safety();
-  const std::string text = shipped_planning().text;
+  const std::string text = test::shipped_planning().text;
   options.rows = {{"plain", false, {"local.vertical_pass.use=false"}},
                   {"low", false, {}},
                   {"demanding", false, {"verification.required_clearance_m=60"}},

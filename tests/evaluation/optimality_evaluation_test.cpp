@@ -7,9 +7,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "base/shipped_config.hpp"
 #include "evaluation/contestants.hpp"
 #include "support/fresh_seed.hpp"
+#include "support/shipped_options.hpp"
 #include "support/test_map.hpp"
 #include "support/utm_map.hpp"
 
@@ -27,18 +27,13 @@ map::Map flat_map() {
   return map;
 }
 
-planning::PlanningConfig test_planning(const std::vector<std::string>& settings) {
-  return planning::read_planning_config(planning::effective_planning_config("", settings),
-                                        "shipped");
+// The envelope begins below the reference height, so that a level flight is a route.
+planning::PlanningConfig level_planning() {
+  return test::shipped_planning({"global.envelope_floor_m=10"});
 }
 
-// The envelope begins below the reference height, so that a level flight is a route.
-planning::PlanningConfig level_planning() { return test_planning({"global.envelope_floor_m=10"}); }
-
 OptimalityConfig shipped() {
-  ConfigReader all = ConfigReader::from_text(shipped_config("evaluation.yaml"), "evaluation.yaml");
-  ConfigReader section = all.required_section("optimality");
-  return read_optimality_config(section);
+  return test::shipped_evaluation("optimality", read_optimality_config);
 }
 
 OptimalityOptions test_options(std::int64_t problems, std::vector<double> budgets_s) {
@@ -265,7 +260,7 @@ ProcessClock counting_clock() {
 TEST(Contestants, GiveTheSameRoutesUnderTheSameReadings) {
   const map::Map map = flat_map();
   SilentObserver observer;
-  const planning::PlanningConfig config = test_planning({"global.work_budget=20000"});
+  const planning::PlanningConfig config = test::shipped_planning({"global.work_budget=20000"});
   const risk::CostModel costs = planning::cost_model(map, config);
   const std::uint64_t seed = test::fresh_seed();
   const auto run = [&] {
@@ -282,7 +277,7 @@ TEST(Contestants, GiveTheSameRoutesUnderTheSameReadings) {
 TEST(Contestants, OnFlatGroundEachFindsTheStraightWay) {
   const map::Map map = flat_map();
   SilentObserver observer;
-  const planning::PlanningConfig config = test_planning({"global.work_budget=20000"});
+  const planning::PlanningConfig config = test::shipped_planning({"global.work_budget=20000"});
   const risk::CostModel costs = planning::cost_model(map, config);
   std::vector<std::string> names = contestant_names();
   const auto contestants = make_contestants(names, costs, config, 5.0, counting_clock());

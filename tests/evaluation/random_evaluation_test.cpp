@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <oneapi/tbb/global_control.h>
 
-#include "base/shipped_config.hpp"
 #include "support/fresh_seed.hpp"
+#include "support/shipped_options.hpp"
 #include "support/test_map.hpp"
 #include "support/utm_map.hpp"
 
@@ -31,14 +31,8 @@ map::Map two_halves() {
   return map;
 }
 
-planning::PlanningConfig shipped_planning() {
-  return planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
-}
-
 RandomOptions test_options(std::int64_t problems) {
-  ConfigReader all = ConfigReader::from_text(shipped_config("evaluation.yaml"), "evaluation.yaml");
-  ConfigReader section = all.required_section("random");
-  RandomOptions options = read_random_options(section);
+  RandomOptions options = test::shipped_evaluation("random", read_random_options);
   options.problems = problems;
   return options;
 }
@@ -67,7 +61,7 @@ std::variant<flight::Plan, flight::NoPlan> fake_plan(const map::Map& map,
 
 TEST(EvaluateRandom, ComparesBothRunsByTheSameHeightRule) {
   const map::Map map = two_halves();
-  const planning::PlanningConfig config = shipped_planning();
+  const planning::PlanningConfig config = test::shipped_planning();
   SilentObserver observer;
   // 50 m above the reference height: the default weights make a point that much more visible.
   const double height_m = map.reference_height_m + 50.0;
@@ -93,7 +87,7 @@ TEST(EvaluateRandom, ComparesBothRunsByTheSameHeightRule) {
 
 TEST(EvaluateRandom, AsksTheBaselineForNothingButLength) {
   const map::Map map = two_halves();
-  const planning::PlanningConfig config = shipped_planning();
+  const planning::PlanningConfig config = test::shipped_planning();
   SilentObserver observer;
   std::atomic<int> with_weights{0};
   std::atomic<int> without{0};
@@ -118,7 +112,7 @@ TEST(EvaluateRandom, AsksTheBaselineForNothingButLength) {
 
 TEST(EvaluateRandom, CountsEachOutcomeOnceAndComparesOnlyWhatBothSolved) {
   const map::Map map = two_halves();
-  const planning::PlanningConfig config = shipped_planning();
+  const planning::PlanningConfig config = test::shipped_planning();
   SilentObserver observer;
   const std::uint64_t seed = test::fresh_seed() % 1000000;
   // The request's seed tells which problem it is.
@@ -178,7 +172,7 @@ TEST(EvaluateRandom, CountsEachOutcomeOnceAndComparesOnlyWhatBothSolved) {
 
 TEST(EvaluateRandom, GivesTheSameBytesForAnyNumberOfThreads) {
   const map::Map map = two_halves();
-  const planning::PlanningConfig config = shipped_planning();
+  const planning::PlanningConfig config = test::shipped_planning();
   SilentObserver observer;
   const std::uint64_t seed = test::fresh_seed();
   const auto run = [&](std::size_t threads) {
@@ -204,7 +198,7 @@ TEST(EvaluateRandom, KeepsClockReadingsApart) {
                                             1);
   double reading_s = 0.0;
   const RandomResult result = evaluate_random(
-      map, shipped_planning(), test_options(3), 7,
+      map, test::shipped_planning(), test_options(3), 7,
       [](const map::Map& on, const flight::PlanRequest&, const planning::PlanningConfig& with,
          Observer&) { return fake_plan(on, with, 20.0); },
       [&] { return reading_s += 2.5; }, observer);
@@ -226,7 +220,7 @@ TEST(EvaluateRandom, EndsWhenAskedToAndPassesTheWishOn) {
   const map::Map map = two_halves();
   StoppingObserver observer;
   EXPECT_THROW(evaluate_random(
-                   map, shipped_planning(), test_options(50), 7,
+                   map, test::shipped_planning(), test_options(50), 7,
                    [&](const map::Map& on, const flight::PlanRequest&,
                        const planning::PlanningConfig& with, Observer& inner) {
                      EXPECT_FALSE(inner.stop_requested() && !observer.is_stopped);

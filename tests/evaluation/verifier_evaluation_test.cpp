@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <oneapi/tbb/global_control.h>
 
-#include "base/shipped_config.hpp"
 #include "evaluation/brute_force_judge.hpp"
 #include "support/fresh_seed.hpp"
+#include "support/shipped_options.hpp"
 #include "support/test_map.hpp"
 #include "support/utm_map.hpp"
 #include "verification/perfect_flight.hpp"
@@ -34,14 +34,8 @@ map::Map hills() {
   return map;
 }
 
-planning::PlanningConfig shipped_planning() {
-  return planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
-}
-
 VerifierOptions test_options(std::int64_t plans) {
-  ConfigReader all = ConfigReader::from_text(shipped_config("evaluation.yaml"), "evaluation.yaml");
-  ConfigReader section = all.required_section("verifier");
-  VerifierOptions options = read_verifier_options(section);
+  VerifierOptions options = test::shipped_evaluation("verifier", read_verifier_options);
   options.plans = plans;
   return options;
 }
@@ -55,7 +49,7 @@ std::variant<flight::Plan, flight::NoPlan> real_plan(const map::Map& map,
 
 TEST(EvaluateVerifier, FindsNoFalseAlarmAndNothingAcceptedWronglyOverRealPlans) {
   const map::Map map = hills();
-  const planning::PlanningConfig config = shipped_planning();
+  const planning::PlanningConfig config = test::shipped_planning();
   SilentObserver observer;
   const std::uint64_t seed = test::fresh_seed();
   const VerifierResult result =
@@ -79,7 +73,7 @@ TEST(EvaluateVerifier, CountsWhereTheTwoDisagree) {
   map::Map map = hills();
   map.overhead_lines.clear();  // planners would see it in the surface
   test::finish_map(map);
-  const planning::PlanningConfig config = shipped_planning();
+  const planning::PlanningConfig config = test::shipped_planning();
   SilentObserver observer;
   VerifierOptions options = test_options(2);
   options.masts = 0;
@@ -120,7 +114,7 @@ TEST(EvaluateVerifier, CountsWhereTheTwoDisagree) {
 
 TEST(EvaluateVerifier, ResultDoesNotDependOnTheNumberOfThreads) {
   const map::Map map = hills();
-  const planning::PlanningConfig config = shipped_planning();
+  const planning::PlanningConfig config = test::shipped_planning();
   SilentObserver observer;
   const std::uint64_t seed = test::fresh_seed();
   const auto json_with = [&](std::size_t threads) {

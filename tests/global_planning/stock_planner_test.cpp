@@ -109,6 +109,30 @@ TEST(StockPlanner, DubinsRoutesTurnNoMoreSharplyThanTheRadius) {
   }
 }
 
+TEST(StockPlanner, DubinsRoutesBeginAndEndWithTheHeadingsThatAreAskedFor) {
+  const StockCase in(3);
+  const double pi = std::acos(-1.0);
+  const double straight_rad = std::atan2(in.envelope.goal().y_m - in.envelope.start().y_m,
+                                         in.envelope.goal().x_m - in.envelope.start().x_m);
+  const EndHeadings headings{straight_rad + 0.4, straight_rad - 0.3};
+  StockPlanner planner(in.envelope, in.options, StockMethod::kDubins, kRadius_m, 5, headings);
+  std::vector<Waypoint> route;
+  for (int attempt = 0; attempt < 20 && route.empty(); ++attempt) {
+    route = in.run(planner, 1500);
+  }
+  ASSERT_GT(route.size(), 100U);
+  const auto heading_rad = [&](std::size_t from) {
+    return std::atan2(route[from + 1].y_m - route[from].y_m, route[from + 1].x_m - route[from].x_m);
+  };
+  // A chord of an arc turns by half of what it spans.
+  const double chord_rad = 0.5 * in.options.final_check_step_m / kRadius_m + 1e-6;
+  EXPECT_LE(std::fabs(std::remainder(heading_rad(0) - *headings.start_math_rad, 2.0 * pi)),
+            chord_rad);
+  EXPECT_LE(
+      std::fabs(std::remainder(heading_rad(route.size() - 2) - *headings.goal_math_rad, 2.0 * pi)),
+      chord_rad);
+}
+
 TEST(StockPlanner, NamesDiffer) {
   std::set<std::string_view> names;
   for (const StockMethod method : kStockMethods) {

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/observer.hpp"
+#include "evaluation/drawn_routes.hpp"
+#include "planning/route_flight.hpp"
+
+namespace hedgehop::evaluation {
+
+/// A planning config with `key=value` settings on top. Throws ConfigError.
+planning::PlanningConfig config_with(const std::string& text,
+                                     const std::vector<std::string>& settings);
+
+/// Flies a route in each way that the config allows; nothing if the flight did not reach the goal.
+std::optional<planning::RouteFlight> flown(const risk::CostModel& costs,
+                                           const planning::PlanningConfig& config,
+                                           const DrawnRoute& route, const Observer& observer);
+
+}  // namespace hedgehop::evaluation
