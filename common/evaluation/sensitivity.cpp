@@ -86,10 +86,14 @@ std::string setting_of(const std::string& key, double value) {
   return key + "=" + number;
 }
 
-// The config's text may write a whole number as 350 or as 350.0.
-bool is_unchanged(const PlanningConfig& config, const std::string& setting) {
-  return set_config_value(config.text, setting) == config.text ||
-         set_config_value(config.text, setting + ".0") == config.text;
+double value_of(const PlanningConfig& config, const std::string& key) {
+  ConfigReader reader = ConfigReader::from_text(config.text, "base settings");
+  std::size_t begin = 0;
+  for (std::size_t end = key.find('.'); end != std::string::npos; end = key.find('.', begin)) {
+    reader = reader.required_section(key.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return reader.required_double(key.substr(begin));
 }
 
 }  // namespace
@@ -150,7 +154,7 @@ SensitivityResult evaluate_sensitivity(const map::Map& map, const PlanningConfig
       row.key = parameter.key;
       row.symbol = parameter.symbol;
       row.value = value;
-      row.is_base = is_unchanged(base_config, setting);
+      row.is_base = value == value_of(base_config, parameter.key);
       const std::vector<DrawnRoute> changed_routes =
           parameter.changes_routes && !row.is_base
               ? draw_routes(map, changed_config, rules, options.runs, seed, folder, plan, quiet)

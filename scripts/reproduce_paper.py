@@ -1,0 +1,185 @@
+#!/usr/bin/env python3
+"""Measures the paper's tables and what goes beyond them, and writes a page with figures about it.
+
+Every measurement is one run of `hedgehop evaluate`, whose JSON result is kept; a second run of this
+script repeats nothing whose command and map are the same. Long ones keep their finished problems too,
+so that an interrupted run goes on where it was.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import time
+
+import results_page
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+SEED = "1"
+
+
+class Measurement:
+    """One run of `hedgehop evaluate`: a kind, a map (or none), and arguments."""
+
+    def __init__(self, kind, region=None, arguments=(), keep=None):
+        self.kind, self.region, self.arguments, self.keep = kind, region, list(arguments), keep
+        self.name = kind if region is None else f"{kind}_{region}"
+
+
+def measurements(regions, is_small):
+    """What is measured, the cheap ones first, in the order of their running."""
+    def runs(full, small):
+        return str(small if is_small else full)
+
+    first = regions[0]
+    listed = [Measurement("local-speed", None,
+                          ["--repeats", runs(15, 1), "--reference-repeats", runs(3, 1),
+                           "--length", runs(12000, 2000)])]
+    for region in regions:
+        listed += [
+            Measurement("protection", region, ["--cells", runs(200, 10), "--seed", SEED]),
+            Measurement("random", region, ["--problems", runs(20, 3), "--seed", SEED]),
+            Measurement("table2", region, ["--runs", runs(100, 6), "--seed", SEED], "--routes"),
+            Measurement("local-safety", region, ["--flights", runs(200, 4), "--seed", SEED], "--routes"),
+            Measurement("optimality", region,
+                        ["--problems", runs(10, 2), "--budgets", "0.5,1" if not is_small else "0.3",
+                         "--seed", SEED]),
+        ]
+    listed += [Measurement("verifier", region, ["--plans", runs(100, 4), "--seed", SEED])
+               for region in regions]
+    for region in regions:
+        arguments = ["--runs", runs(20, 2), "--seed", SEED]
+        if is_small:
+            arguments += ["--parameters", "local.weights.visibility,local.window_m,weights.visibility"]
+        listed.append(Measurement("sensitivity", region, arguments, "--keep"))
+    for region in regions:
+        budget = ["--budget-s", "1"] if is_small else []
+        listed.append(Measurement("table3", region,
+                                  ["--runs", runs(100 if region == first else 30, 3), *budget,
+                                   "--seed", SEED], "--keep"))
+    return listed
+
+
+def run_json(command, log):
+    """Standard output as JSON; progress goes on to the terminal."""
+    with open(log, "w", encoding="utf-8") as errors:
+        done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, text=True,
+                              stderr=None if sys.stderr.isatty() else errors, check=False)
+    if done.returncode != 0:
+        sys.exit(f"reproduce_paper: {' '.join(map(str, command))} ended with {done.returncode}; see {log}")
+    return json.loads(done.stdout)
+
+
+def prepare_regions(program, work, data, asked):
+    """Map folders by name; regions whose files are absent are left out, and said so."""
+    regions, commands, absent = {}, {}, {}
+    files = {
+        "bayreuth": ["--dem", data / "bayreuth/N49E011.hgt.zip", "--dem", data / "bayreuth/N50E011.hgt.zip",
+                     "--osm", data / "bayreuth/bayreuth_north_2014.osm.gz",
+                     "--bbox", "11.38,49.87,11.69,50.11"],
+        "hsinchu": ["--dem", data / "hsinchu/hsinchu_moi20m.tif",
+                    "--vectors", data / "hsinchu/hsinchu_topo25k.gpkg", "--mapping", "taiwan_topo25k"],
+    }
+    for name in asked:
+        if name == "synthetic":
+            folder = work / "demo"
+            commands[name] = "hedgehop demo --out demo"
+            if not (folder / "map/manifest.json").exists():
+                run_json([program, "demo", "--out", folder, "--overwrite", "--json"], work / "demo.log")
+            regions[name] = folder / "map"
+            continue
+        missing = [part for part in files[name] if isinstance(part, pathlib.Path) and not part.exists()]
+        if missing:
+            absent[name] = f"{missing[0].name} is not there"
+            continue
+        folder = work / f"map_{name}"
+        words = [part.name if isinstance(part, pathlib.Path) else part for part in files[name]]
+        commands[name] = f"hedgehop prepare {' '.join(words)} --out {folder.name}"
+        if not (folder / "manifest.json").exists():
+            run_json([program, "prepare", *files[name], "--out", folder, "--overwrite", "--json"],
+                     work / f"prepare_{name}.log")
+        regions[name] = folder
+    return regions, commands, absent
+
+
+def measure(program, work, measurement, regions, version):
+    """The result, kept or new, with the command that gave it."""
+    shown = ["hedgehop", "evaluate", measurement.kind]
+    real = [program, "evaluate", measurement.kind]
+    map_hash = None
+    if measurement.region:
+        folder = regions[measurement.region]
+        map_hash = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["map_hash"]
+        shown += ["--map", folder.relative_to(work)]
+        real += ["--map", folder]
+    shown += measurement.arguments
+    real += measurement.arguments
+    if measurement.keep:
+        shown += [measurement.keep, "keep"]
+        real += [measurement.keep, work / "keep"]
+    command = " ".join(map(str, shown)) + " --json"
+    kept = work / "measured" / f"{measurement.name}.json"
+    if kept.exists():
+        record = json.loads(kept.read_text(encoding="utf-8"))
+        if record["command"] == command and record["map_hash"] == map_hash:
+            return record, True
+    begun = time.monotonic()
+    result = run_json([*real, "--json"], work / f"{measurement.name}.log")
+    record = {"command": command, "map_hash": map_hash, "version": version,
+              "load": os.getloadavg()[0], "seconds": round(time.monotonic() - begun, 1), "result": result}
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = kept.with_suffix(".part")
+    unfinished.write_text(json.dumps(record, indent=1), encoding="utf-8")
+    unfinished.rename(kept)
+    return record, False
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="scripts/reproduce_paper", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--small", action="store_true", help="few problems, short budgets, the synthetic region")
+    parser.add_argument("--regions", help="with commas between: synthetic,bayreuth,hsinchu (default: those whose "
+                                          "files are in --data; --small: synthetic)")
+    parser.add_argument("--data", type=pathlib.Path,
+                        default=pathlib.Path(os.environ.get("HEDGEHOP_DATA", ROOT.parent / "shared/data")),
+                        help="folder with the elevation and vector files of the real regions")
+    parser.add_argument("--only", help="kinds to measure, with commas between, table3 for example; "
+                                       "others are taken as they were kept")
+    parser.add_argument("--work", type=pathlib.Path, help="what is kept (default: build/results or build/results_small)")
+    parser.add_argument("--out", type=pathlib.Path, help="the page (default: docs/results.md; --small: results.md in --work)")
+    parser.add_argument("--program", type=pathlib.Path, default=ROOT / "build/release/hedgehop", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+
+    work = (arguments.work or ROOT / "build" / ("results_small" if arguments.small else "results")).resolve()
+    work.mkdir(parents=True, exist_ok=True)
+    page = (arguments.out or (work / "results.md" if arguments.small else ROOT / "docs/results.md")).resolve()
+    asked = (arguments.regions or ("synthetic" if arguments.small else "synthetic,bayreuth,hsinchu")).split(",")
+    for name in asked:
+        if name not in ("synthetic", "bayreuth", "hsinchu"):
+            parser.error(f"no region is called '{name}'")
+    program = arguments.program.resolve()
+    version = subprocess.run(["git", "-C", ROOT, "describe", "--always", "--dirty"], capture_output=True, text=True,
+                             check=False).stdout.strip() or "unknown"
+    only = arguments.only.split(",") if arguments.only else None
+
+    regions, commands, absent = prepare_regions(program, work, arguments.data.resolve(), asked)
+    for name, why in absent.items():
+        print(f"reproduce_paper: without the region {name}: {why} (--data)", file=sys.stderr)
+    todo = measurements(list(regions), arguments.small)
+    records, begun = {}, time.monotonic()
+    for at, measurement in enumerate(todo):
+        if only and measurement.kind not in only and not (work / "measured" / f"{measurement.name}.json").exists():
+            continue
+        done = 100 * at // len(todo)
+        elapsed = (time.monotonic() - begun) / 60
+        print(f"reproduce_paper: [{'#' * (done // 5):<20}] {at} of {len(todo)}, {elapsed:.0f} min: {measurement.name}",
+              file=sys.stderr)
+        records[measurement.name], _ = measure(program, work, measurement, regions, version)
+    results_page.write(page, records, commands, absent, is_small=arguments.small)
+    print(f"reproduce_paper: {page}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
