@@ -14,9 +14,10 @@ import subprocess
 import sys
 import time
 
+import regions as regions_of_maps
 import results_page
+from regions import ROOT
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
 SEED = "1"
 
 
@@ -62,48 +63,6 @@ def measurements(regions, is_small):
     return listed
 
 
-def run_json(command, log):
-    """Standard output as JSON; progress goes on to the terminal."""
-    with open(log, "w", encoding="utf-8") as errors:
-        done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, text=True,
-                              stderr=None if sys.stderr.isatty() else errors, check=False)
-    if done.returncode != 0:
-        sys.exit(f"reproduce_paper: {' '.join(map(str, command))} ended with {done.returncode}; see {log}")
-    return json.loads(done.stdout)
-
-
-def prepare_regions(program, work, data, asked):
-    """Map folders by name; regions whose files are absent are left out, and said so."""
-    regions, commands, absent = {}, {}, {}
-    files = {
-        "bayreuth": ["--dem", data / "bayreuth/N49E011.hgt.zip", "--dem", data / "bayreuth/N50E011.hgt.zip",
-                     "--osm", data / "bayreuth/bayreuth_north_2014.osm.gz",
-                     "--bbox", "11.38,49.87,11.69,50.11"],
-        "hsinchu": ["--dem", data / "hsinchu/hsinchu_moi20m.tif",
-                    "--vectors", data / "hsinchu/hsinchu_topo25k.gpkg", "--mapping", "taiwan_topo25k"],
-    }
-    for name in asked:
-        if name == "synthetic":
-            folder = work / "demo"
-            commands[name] = "hedgehop demo --out demo"
-            if not (folder / "map/manifest.json").exists():
-                run_json([program, "demo", "--out", folder, "--overwrite", "--json"], work / "demo.log")
-            regions[name] = folder / "map"
-            continue
-        missing = [part for part in files[name] if isinstance(part, pathlib.Path) and not part.exists()]
-        if missing:
-            absent[name] = f"{missing[0].name} is not there"
-            continue
-        folder = work / f"map_{name}"
-        words = [part.name if isinstance(part, pathlib.Path) else part for part in files[name]]
-        commands[name] = f"hedgehop prepare {' '.join(words)} --out {folder.name}"
-        if not (folder / "manifest.json").exists():
-            run_json([program, "prepare", *files[name], "--out", folder, "--overwrite", "--json"],
-                     work / f"prepare_{name}.log")
-        regions[name] = folder
-    return regions, commands, absent
-
-
 def measure(program, work, measurement, regions, version):
     """The result, kept or new, with the command that gave it."""
     shown = ["hedgehop", "evaluate", measurement.kind]
@@ -126,7 +85,7 @@ def measure(program, work, measurement, regions, version):
         if record["command"] == command and record["map_hash"] == map_hash:
             return record, True
     begun = time.monotonic()
-    result = run_json([*real, "--json"], work / f"{measurement.name}.log")
+    result = regions_of_maps.run_json([*real, "--json"], work / f"{measurement.name}.log")
     record = {"command": command, "map_hash": map_hash, "version": version,
               "load": os.getloadavg()[0], "seconds": round(time.monotonic() - begun, 1), "result": result}
     kept.parent.mkdir(parents=True, exist_ok=True)
@@ -143,7 +102,7 @@ def main():
     parser.add_argument("--regions", help="with commas between: synthetic,bayreuth,hsinchu (default: those whose "
                                           "files are in --data; --small: synthetic)")
     parser.add_argument("--data", type=pathlib.Path,
-                        default=pathlib.Path(os.environ.get("HEDGEHOP_DATA", ROOT.parent / "shared/data")),
+                        default=regions_of_maps.DATA,
                         help="folder with the elevation and vector files of the real regions")
     parser.add_argument("--only", help="kinds to measure, with commas between, table3 for example; "
                                        "others are taken as they were kept")
@@ -157,14 +116,14 @@ def main():
     page = (arguments.out or (work / "results.md" if arguments.small else ROOT / "docs/results.md")).resolve()
     asked = (arguments.regions or ("synthetic" if arguments.small else "synthetic,bayreuth,hsinchu")).split(",")
     for name in asked:
-        if name not in ("synthetic", "bayreuth", "hsinchu"):
+        if name not in regions_of_maps.NAMES:
             parser.error(f"no region is called '{name}'")
     program = arguments.program.resolve()
     version = subprocess.run(["git", "-C", ROOT, "describe", "--always", "--dirty"], capture_output=True, text=True,
                              check=False).stdout.strip() or "unknown"
     only = arguments.only.split(",") if arguments.only else None
 
-    regions, commands, absent = prepare_regions(program, work, arguments.data.resolve(), asked)
+    regions, commands, absent = regions_of_maps.prepare(program, work, arguments.data.resolve(), asked)
     for name, why in absent.items():
         print(f"reproduce_paper: without the region {name}: {why} (--data)", file=sys.stderr)
     todo = measurements(list(regions), arguments.small)
