@@ -268,7 +268,10 @@ class Page:
         if not found:
             return
         self.say("## Safety of local planning", "",
-                 "Flights along global routes; with towers that the global planner did not know where the row says so.")
+                 "Flights along global routes; with towers that the global planner did not know where the row says so. "
+                 "*tvfh* is the 2.5-D planner of the paper, *vfh_3d* chooses azimuth and climb together (the paper's "
+                 "future work), *rollout* judges directions by flying them; none of these has the vertical pass, "
+                 "*shipped* has.")
         rows = []
         for region, record in found:
             for row in record["result"]["rows"]:

@@ -49,7 +49,7 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
   } else {
     table_.emplace(surroundings, histogram_options, std::move(tables), kernel);
   }
-  if (options.mode == LocalMode::kTvfh && options.climb_ahead.is_used) {
+  if (options.mode != LocalMode::kRollout && options.climb_ahead.is_used) {
     forecast_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
                       options.climb_ahead, step_kernels(kernel));
   }
@@ -117,9 +117,9 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   needed = std::clamp(needed, tangent_min_, limit_tangent);
 
   // The indicator works on tangents: climb angles are small.
-  climb_.step(std::max(question.goal_tangent, needed), state.climb_rate_mps / speed_mps,
-              state.vertical_acceleration_mps2 / speed_mps, options_.climb_indicator,
-              options_.step_s);
+  climb_.step(std::max(judgement.wanted.value_or(question.goal_tangent), needed),
+              state.climb_rate_mps / speed_mps, state.vertical_acceleration_mps2 / speed_mps,
+              options_.climb_indicator, options_.step_s);
   const double followed = std::max(climb_.angle_rad, tangent_min_);
   const double tangent = std::clamp(std::max(followed, needed), tangent_min_, limit_tangent);
   step.commanded_climb_angle_rad = elementary::atan(tangent);
@@ -140,9 +140,23 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
     table_->compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
                     reach_m);
   }
-  const std::optional<double> chosen_rad =
-      cheapest_direction_rad(histogram_, sectors_, options_.weights, question, scratch_, cheapest_);
   Judgement judgement;
+  std::optional<double> chosen_rad;
+  if (options_.mode == LocalMode::kVfh3d) {
+    const SphericalDirection now{state.heading_math_rad,
+                                 elementary::atan(state.climb_rate_mps / state.speed_mps)};
+    const auto chosen = cheapest_spherical(histogram_, sectors_, options_.vfh_3d,
+                                           options_.weights.polar_offset_rad3, question, now,
+                                           {before_rad_, before_climb_rad_});
+    if (chosen) {
+      chosen_rad = chosen->azimuth_math_rad;
+      before_climb_rad_ = chosen->elevation_rad;
+      judgement.wanted = elementary::tan(chosen->elevation_rad);
+    }
+  } else {
+    chosen_rad = cheapest_direction_rad(histogram_, sectors_, options_.weights, question, scratch_,
+                                        cheapest_);
+  }
   judgement.needed = std::max(
       static_cast<double>(histogram_.tan_climb_near),
       std::min(static_cast<double>(needed_towards(state.heading_math_rad)), question.tangent_max));

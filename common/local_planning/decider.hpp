@@ -46,6 +46,7 @@ class Decider {
   struct Judgement {
     double needed = 0.0;
     std::optional<ClimbAhead> ahead;
+    std::optional<double> wanted;  // instead of the climb towards the target
   };
   Judgement judge_by_histogram(const command_model::ModelState& state,
                                const command_model::StateTrigonometry& trigonometry,
@@ -79,8 +80,9 @@ class Decider {
   double tangent_min_;
   double turn_max_;  // tangent of the steepest bank
   double along_m_ = 0.0;
-  double commanded_rad_;  // heading of the step before
-  double before_rad_;     // direction chosen in the step before
+  double commanded_rad_;           // heading of the step before
+  double before_rad_;              // direction chosen in the step before
+  double before_climb_rad_ = 0.0;  // likewise its climb angle, of the three-dimensional VFH
   Indicator heading_;
   Indicator climb_;
   PolarHistogram histogram_;

@@ -93,6 +93,19 @@ VerticalPassOptions read_vertical_pass(ConfigReader& reader) {
   return options;
 }
 
+SphericalOptions read_spherical(ConfigReader& reader) {
+  SphericalOptions options;
+  options.elevation_step_rad = reader.required_angle("elevation_step_deg");
+  options.goal = positive(reader, "goal");
+  options.heading = not_negative(reader, "heading");
+  options.before = not_negative(reader, "before");
+  reader.require(options.elevation_step_rad >= 0.1 * kDegree_rad &&
+                     options.elevation_step_rad <= 30.0 * kDegree_rad,
+                 "elevation_step_deg", "must lie between 0.1 and 30");
+  reader.finish();
+  return options;
+}
+
 int whole_number(ConfigReader& reader, const char* key, int low, int high, const char* demand) {
   const std::int64_t value = reader.required_integer(key);
   reader.require(value >= low && value <= high, key, demand);
@@ -104,8 +117,11 @@ int whole_number(ConfigReader& reader, const char* key, int low, int high, const
 LocalOptions read_local_options(ConfigReader& reader) {
   LocalOptions options;
   const std::string mode = reader.required_string("mode");
-  reader.require(mode == "tvfh" || mode == "rollout", "mode", "must be tvfh or rollout");
-  options.mode = mode == "tvfh" ? LocalMode::kTvfh : LocalMode::kRollout;
+  reader.require(mode == "tvfh" || mode == "rollout" || mode == "vfh_3d", "mode",
+                 "must be tvfh, rollout or vfh_3d");
+  options.mode = mode == "tvfh"      ? LocalMode::kTvfh
+                 : mode == "rollout" ? LocalMode::kRollout
+                                     : LocalMode::kVfh3d;
   options.step_s = number_in(reader, "step_s", 0.001, 0.2, "must lie between 0.001 and 0.2");
   options.window_m = number_in(reader, "window_m", 50.0, 20000.0, "must lie between 50 and 20000");
   options.sectors = whole_number(reader, "sectors", 8, 1024, "must lie between 8 and 1024");
@@ -147,6 +163,8 @@ LocalOptions read_local_options(ConfigReader& reader) {
   options.climb_indicator = read_indicator(climb);
   ConfigReader rollout = reader.required_section("rollout");
   options.rollout = read_rollout(rollout);
+  ConfigReader spherical = reader.required_section("vfh_3d");
+  options.vfh_3d = read_spherical(spherical);
   ConfigReader ahead = reader.required_section("climb_ahead");
   options.climb_ahead = read_climb_ahead(ahead);
   ConfigReader vertical = reader.required_section("vertical_pass");

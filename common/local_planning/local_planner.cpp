@@ -165,7 +165,7 @@ std::variant<Flight, flight::NoPlan> fly_along(
     const Guide line(points);
     const HistogramOptions histogram =
         histogram_options(options, pass, surroundings.geometry().cell_m);
-    const auto tables = options.mode == LocalMode::kTvfh
+    const auto tables = options.mode != LocalMode::kRollout
                             ? ground.tables.at(static_cast<std::size_t>(pass))
                             : nullptr;
     Decider decider(surroundings, tables, line, model, options, histogram, speed_mps, initial,

@@ -16,6 +16,7 @@
 #include "local_planning/histogram_table.hpp"
 #include "local_planning/indicator.hpp"
 #include "local_planning/rollout.hpp"
+#include "local_planning/spherical_choice.hpp"
 #include "local_planning/step_kernels.hpp"
 #include "local_planning/surroundings.hpp"
 #include "risk/cost_model.hpp"
@@ -32,8 +33,9 @@ struct VerticalPassOptions {
   double rate_share = 0.0;          // of its climb and descent rates, (0, 1]
 };
 
-/// How directions are judged: by the histogram of TVFH+, as in the paper, or by rolled-out flights.
-enum class LocalMode : std::uint8_t { kTvfh, kRollout };
+/// How directions are judged: by the histogram of TVFH+, as in the paper; by rolled-out flights; or
+/// azimuth and climb together, see cheapest_spherical().
+enum class LocalMode : std::uint8_t { kTvfh, kRollout, kVfh3d };
 
 /// Section `local` of the planning config.
 struct LocalOptions {
@@ -67,6 +69,7 @@ struct LocalOptions {
   IndicatorOptions climb_indicator;
   ProfileOptions climb_ahead;
   RolloutOptions rollout;
+  SphericalOptions vfh_3d;
   VerticalPassOptions vertical_pass;
   bool is_compared_with_following = false;  // the flight that follows the guide plainly is flown
                                             // too, and taken where it costs less
@@ -119,6 +122,9 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// A step of the rollout mode chooses the direction by Rollout; t[k_cmd] and t[k_chi] are replaced
 /// by the climb along the heading commanded before. If that heading is not feasible any more, the
 /// chosen one is commanded and the indicator starts again.
+///
+/// A step of the three-dimensional VFH is one of TVFH+ whose direction and climb are those of
+/// cheapest_spherical(); its climb takes the place of t_goal.
 ///
 /// Risk and climb costs bend the flight only near the guide: they count with the share
 /// max(0, 1 - (offset / corridor)^2) of the distance to it, so that no weight makes the flight

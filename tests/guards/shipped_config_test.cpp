@@ -22,10 +22,12 @@
 #include "briefing/manoeuvres.hpp"
 #include "command_model/command_model.hpp"
 #include "evaluation/clearance_risk.hpp"
+#include "evaluation/framework_comparison.hpp"
 #include "evaluation/local_flights.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "evaluation/sensitivity.hpp"
 #include "evaluation/verifier_evaluation.hpp"
 #include "map_sources/vector_mapping.hpp"
 #include "output/exports.hpp"
@@ -68,6 +70,10 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_route_rules(routes);
   ConfigReader table2 = reader.required_section("table2");
   evaluation::read_table2_options(table2);
+  ConfigReader table3 = reader.required_section("table3");
+  evaluation::read_framework_options(table3);
+  ConfigReader sensitivity = reader.required_section("sensitivity");
+  evaluation::read_sensitivity_options(sensitivity);
   ConfigReader safety = reader.required_section("local_safety");
   evaluation::read_local_safety_options(safety);
   ConfigReader optimality = reader.required_section("optimality");

@@ -73,13 +73,17 @@ TEST(LocalPlanner, StraightGuideOverLevelGroundIsFlownStraightWithoutBank) {
   EXPECT_EQ(flight.decisions + 1, static_cast<std::int64_t>(flight.steps.size()));
 }
 
-TEST(LocalPlanner, WallAcrossTheGuideIsFlownOverWithTheSafetyHeight) {
+class EachHistogramMode : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(LocalPlanner, EachHistogramMode, ::testing::Values("tvfh", "vfh_3d"));
+
+TEST_P(EachHistogramMode, WallAcrossTheGuideIsFlownOverWithTheSafetyHeight) {
   // A ridge of 45 m as long as the map; the guide knows nothing of it.
   const auto map = test::make_map(200, 200, 30.0, [](double x_m, double) {
     return std::fabs(x_m - 3000.0) < 60.0 ? 145.0 : 100.0;
   });
   const std::vector<flight::Waypoint> guide{{1500, 3000, 125}, {4500, 3000, 125}};
-  const auto result = flown(map, guide, test::shipped_local_options());
+  const auto result =
+      flown(map, guide, test::shipped_local_options(std::string("local.mode=") + GetParam()));
   const Flight& flight = std::get<Flight>(result);
   EXPECT_GT(least_clearance_m(map, flight), 17.0);
   double over_ridge_m = 0.0;
@@ -92,12 +96,13 @@ TEST(LocalPlanner, WallAcrossTheGuideIsFlownOverWithTheSafetyHeight) {
   EXPECT_LE(distance_to_goal_m(flight, guide), 50.0);
 }
 
-TEST(LocalPlanner, TowerTooSteepToFlyOverIsFlownAround) {
+TEST_P(EachHistogramMode, TowerTooSteepToFlyOverIsFlownAround) {
   const auto map = test::make_map(200, 200, 30.0, [](double x_m, double y_m) {
     return std::hypot(x_m - 3000.0, y_m - 3000.0) < 50.0 ? 400.0 : 100.0;
   });
   const std::vector<flight::Waypoint> guide{{1500, 3000, 125}, {4500, 3000, 125}};
-  const auto result = flown(map, guide, test::shipped_local_options());
+  const auto result =
+      flown(map, guide, test::shipped_local_options(std::string("local.mode=") + GetParam()));
   const Flight& flight = std::get<Flight>(result);
   EXPECT_GT(least_clearance_m(map, flight), 15.0);
   double aside_m = 0.0;
@@ -241,9 +246,9 @@ TEST(LocalPlanner, AllKernelsFlyTheSameBytes) {
   test::finish_map(map);
   const auto guide = test::stand_in_guide(map, {{1500, 1500}, {3300, 2600}, {5000, 5000}}, 50.0,
                                           20.0, 30.0, 0.14, 15.24);
-  for (const char* mode : {"local.mode=tvfh", "local.mode=rollout"}) {
+  for (const char* mode : {"local.mode=tvfh", "local.mode=rollout", "local.mode=vfh_3d"}) {
     LocalOptions options = test::shipped_local_options(mode);
-    options.passes = 2;
+    options.passes = options.mode == LocalMode::kVfh3d ? 1 : 2;
     const auto plain = flown(map, guide, options, {}, Kernel::kPlain);
     ASSERT_TRUE(std::holds_alternative<Flight>(plain)) << mode;
     for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
