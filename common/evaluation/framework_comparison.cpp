@@ -362,20 +362,20 @@ FrameworkResult compare_frameworks(const map::Map& map, const PlanningConfig& co
                     "ask for fewer, or see with hedgehop evaluate random why");
   }
 
+  // In the order of drawing, so that what an interrupted run has kept is what a shorter one needs.
+  std::atomic<std::size_t> next{0};
   std::atomic<std::size_t> done{0};
   oneapi::tbb::task_arena two(2);
   two.execute([&] {
-    oneapi::tbb::parallel_for(
-        std::size_t{0}, open.size(), std::size_t{1},
-        [&](std::size_t i) {
-          FrameworkProblem& problem = result.problems[open[i].at];
-          comparison.plan_others(open[i], static_cast<std::int64_t>(i) < options.edge_runs,
-                                 problem);
-          kept.keep(problem.number, framework_problem_json(problem));
-          observer.progress("the paper's framework and its baseline", static_cast<double>(++done),
-                            static_cast<double>(open.size()));
-        },
-        oneapi::tbb::simple_partitioner());
+    oneapi::tbb::parallel_for(0, 2, [&](int) {
+      for (std::size_t i = next++; i < open.size(); i = next++) {
+        FrameworkProblem& problem = result.problems[open[i].at];
+        comparison.plan_others(open[i], static_cast<std::int64_t>(i) < options.edge_runs, problem);
+        kept.keep(problem.number, framework_problem_json(problem));
+        observer.progress("the paper's framework and its baseline", static_cast<double>(++done),
+                          static_cast<double>(open.size()));
+      }
+    });
   });
   observer.check_stop();
   summarise(result);
