@@ -101,8 +101,9 @@ int main(int argc, char** argv) {
       "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan\n"
       "  hedgehop report plan --map map\n"
       "Exit codes: 0 ok, 1 failure, 2 usage, 3 no route, 4 not verified, 5 bad data, 6 bus "
-      "unreachable, 130 interrupted.");
+      "unreachable, 7 not fetched, 130 interrupted.");
   Console console;
+  add_fetch_verb(app, console);
   add_prepare_verb(app, console);
   add_info_verb(app, console);
   add_plan_verb(app, console);

@@ -13,6 +13,7 @@ void add_demo_verb(CLI::App& app, Console& console);
 void add_doctor_verb(CLI::App& app, Console& console);
 void add_evaluate_verb(CLI::App& app, Console& console);
 void add_export_verb(CLI::App& app, Console& console);
+void add_fetch_verb(CLI::App& app, Console& console);
 void add_info_verb(CLI::App& app, Console& console);
 void add_log_verb(CLI::App& app, Console& console);
 void add_patch_verb(CLI::App& app, Console& console);

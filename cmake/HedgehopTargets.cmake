@@ -4,6 +4,10 @@ add_library(hedgehop_flags INTERFACE)
 # Same bytes on every machine: no contraction into fused operations, no -ffast-math, a fixed baseline.
 target_compile_options(hedgehop_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -ffp-contract=off)
+# The rooms become part of the Python module too. Position-independent code at the speed of the other: nothing of ours is
+# replaced at run time.
+target_compile_options(hedgehop_flags INTERFACE
+  $<$<BOOL:$<TARGET_PROPERTY:POSITION_INDEPENDENT_CODE>>:-fno-semantic-interposition>)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   target_compile_options(hedgehop_flags INTERFACE -march=x86-64-v2)
 endif()
@@ -20,6 +24,8 @@ if(HEDGEHOP_TIDY)
   set(CMAKE_CXX_CLANG_TIDY "${CLANG_TIDY};--warnings-as-errors=*;--quiet")
 endif()
 
+include(GNUInstallDirs)
+
 # hedgehop_library(NAME room SOURCES a.cpp HEADERS a.hpp DEPENDS hedgehop::base PRIVATE_DEPENDS GDAL::GDAL)
 #
 # One static library for one room, `hedgehop::<room>`. DEPENDS are rooms that its headers or sources
@@ -31,14 +37,19 @@ function(hedgehop_library)
   set(target hedgehop_${ARG_NAME})
   if(ARG_SOURCES)
     add_library(${target} STATIC ${ARG_SOURCES})
-    target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}/common")
-    target_link_libraries(${target} PUBLIC ${ARG_DEPENDS} PRIVATE hedgehop_flags ${ARG_PRIVATE_DEPENDS})
+    set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+    target_include_directories(${target} PUBLIC
+      "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/common>" "$<INSTALL_INTERFACE:include/hedgehop>")
+    target_link_libraries(${target}
+      PUBLIC ${ARG_DEPENDS} PRIVATE $<BUILD_INTERFACE:hedgehop_flags> ${ARG_PRIVATE_DEPENDS})
   else()
     add_library(${target} INTERFACE)
-    target_include_directories(${target} INTERFACE "${PROJECT_SOURCE_DIR}/common")
+    target_include_directories(${target} INTERFACE
+      "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/common>" "$<INSTALL_INTERFACE:include/hedgehop>")
     target_link_libraries(${target} INTERFACE ${ARG_DEPENDS})
   endif()
   add_library(hedgehop::${ARG_NAME} ALIAS ${target})
+  hedgehop_install_library(${ARG_NAME} "${ARG_HEADERS}")
   set(sourceless)
   foreach(header IN LISTS ARG_HEADERS)
     string(REGEX REPLACE "\\.hpp$" ".cpp" source "${header}")
@@ -49,6 +60,18 @@ function(hedgehop_library)
   if(HEDGEHOP_TESTS AND sourceless)
     hedgehop_check_headers(${target} ${sourceless})
   endif()
+endfunction()
+
+# The room as part of the installed libraries: hedgehop::<room> for find_package(Hedgehop).
+function(hedgehop_install_library name headers)
+  set_target_properties(hedgehop_${name} PROPERTIES EXPORT_NAME ${name})
+  target_compile_features(hedgehop_${name} PUBLIC cxx_std_20)
+  install(TARGETS hedgehop_${name} EXPORT HedgehopTargets
+    ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT development)
+  install(FILES ${headers} DESTINATION "include/hedgehop/${name}" COMPONENT development)
+  set_property(GLOBAL APPEND PROPERTY HEDGEHOP_INSTALLED_ROOMS ${name})
+  list(TRANSFORM headers PREPEND "${CMAKE_CURRENT_SOURCE_DIR}/")
+  set_property(GLOBAL APPEND PROPERTY HEDGEHOP_PUBLIC_HEADERS ${headers})
 endfunction()
 
 # Compiles each header on its own, so that no header leans on what was included before it.

@@ -38,7 +38,11 @@ function(hedgehop_lcm_types)
   add_library(${ARG_TARGET} INTERFACE)
   add_dependencies(${ARG_TARGET} ${ARG_TARGET}_generate)
   # Generated code trips the project's warnings; lcm_coretypes.h needs no library.
-  target_include_directories(${ARG_TARGET} SYSTEM INTERFACE "${include}" ${LCM_INCLUDE_DIRS})
+  target_include_directories(${ARG_TARGET} SYSTEM INTERFACE
+    "$<BUILD_INTERFACE:${include};${LCM_INCLUDE_DIRS}>" "$<INSTALL_INTERFACE:include>")
+  target_link_libraries(${ARG_TARGET} INTERFACE $<INSTALL_INTERFACE:PkgConfig::LCM>)
+  install(DIRECTORY "${include}/${ARG_PACKAGE}" DESTINATION include COMPONENT types)
+  install(FILES ${ARG_TYPES} DESTINATION "share/lcm/${ARG_PACKAGE}" COMPONENT types)
 
   if(JAVAC AND JAR AND LCM_JAR)
     set(java "${CMAKE_CURRENT_BINARY_DIR}/java")
@@ -58,6 +62,7 @@ function(hedgehop_lcm_types)
       COMMENT "Building ${ARG_PACKAGE}_types.jar for lcm-spy"
       VERBATIM)
     add_custom_target(${ARG_TARGET}_jar ALL DEPENDS "${jar}")
+    install(FILES "${jar}" DESTINATION share/java RENAME ${ARG_PACKAGE}-types.jar COMPONENT types)
   else()
     message(STATUS "No Java compiler or no lcm.jar: no type jar for lcm-spy")
   endif()

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Holds the include table of the project against the source.
 
-Every #include in common/, services/ and cli/ is checked: which rooms a room may use, which
+Every #include in common/, services/, cli/ and python/ is checked: which rooms a room may use, which
 third-party libraries, and whether those may show in a public header. A few words are checked too:
 clock and environment outside the bus, transcendental functions of libm where decisions are made.
 
@@ -49,18 +49,20 @@ ROOMS = {
     "output": (["briefing", "verification", "map", "flight", "risk"], [], JSON + GDAL + POSIX),
     "messages": (["planning", "map", "flight"], [], ["hedgehop/"]),
     "bus": (["messages", "base"], [], ["lcm/", "zstd.h"] + POSIX + SOCKETS),
+    "fetch": (["geo", "base"], [], ["curl/", "openssl/"] + JSON + POSIX),
     "evaluation": (["planning", "output", "preparation"], [], ["boost/math/"] + GDAL + JSON + POSIX + TBB),
 }
 
-# Rooms in their order of dependency; these two folders stand on top.
+# Rooms in their order of dependency; these folders stand on top.
 SERVICES = (["bus", "messages", "planning", "preparation", "output", "map"], [], ["CLI/"] + JSON + POSIX + TBB)
 CLI = (sorted(ROOMS), [], ["CLI/"] + JSON + POSIX + TBB)
+PYTHON = (["planning", "preparation", "output", "bus"], [], ["pybind11/"] + TBB)
 
 EVERYWHERE_IN_SOURCES = ["fmt/"]
 
 # C++ headers that only some may include, with the reason.
 RESTRICTED_STD = {
-    "chrono": (["bus", "services", "cli", "evaluation"], "time comes from messages; only the edges read a clock"),
+    "chrono": (["bus", "fetch", "services", "cli", "evaluation"], "time comes from messages; only the edges read a clock"),
     "ctime": (["bus", "services", "cli", "evaluation"], "time comes from messages; only the edges read a clock"),
     "iostream": (["bus", "services", "cli"], "libraries do not talk; they return values and use base/observer.hpp"),
     "regex": ([], "std::regex overflows the stack on long hostile input"),
@@ -148,7 +150,7 @@ class Check:
         for room in ROOMS:
             if not (common / room).is_dir():
                 self.findings.append(f"common/{room}: in the table, but the folder is missing")
-        for folder in ("common", "services", "cli"):
+        for folder in ("common", "services", "cli", "python"):
             for path in sorted((self.root / folder).rglob("*")):
                 if path.is_file() and path.suffix in SUFFIXES:
                     self.check_file(folder, path)
@@ -163,7 +165,7 @@ class Check:
             used, in_headers, in_sources = ROOMS[room]
             allowed = closure(used) | {room}
         else:
-            used, in_headers, in_sources = SERVICES if folder == "services" else CLI
+            used, in_headers, in_sources = {"services": SERVICES, "cli": CLI, "python": PYTHON}[folder]
             allowed = closure(used)
         inside = "/".join(parts[1:])
         is_public = folder == "common" and inside in self.public[room]
@@ -261,6 +263,7 @@ FAULTS = [
     ("common/new_room/planted.cpp", "\n", "a room that scripts/check_layers.py does not know"),
     ("cli/planted.cpp", "#include <lcm/lcm-cpp.hpp>\n", "cli may not use lcm/lcm-cpp.hpp"),
     ("cli/planted.cpp", '#include "hedgehop/route_t.hpp"\n', "cli may not use hedgehop/route_t.hpp"),
+    ("python/planted.cpp", "#include <lcm/lcm-cpp.hpp>\n", "python may not use lcm/lcm-cpp.hpp"),
     ("services/one/planted.cpp", '#include "evaluation/planted.hpp"\n', "services may not use evaluation"),
     ("services/one/planted.cpp", '#include "two/two_service.hpp"\n', "a service never includes another one"),
     ("services/one/planted.cpp", '#include "services/two/two_service.hpp"\n', "a service never includes another one"),
@@ -287,7 +290,7 @@ def self_test(root):
                 recipe = root / "common" / room / "CMakeLists.txt"
                 if recipe.exists():
                     shutil.copy(recipe, target)
-            for folder in ("services/one", "services/two", "cli"):
+            for folder in ("services/one", "services/two", "cli", "python"):
                 (copy / folder).mkdir(parents=True)
             (copy / "services/two/two_service.hpp").write_text("\n")
             planted = copy / name

@@ -4,7 +4,7 @@
 ///
 /// glibc picks fused or unfused variants of its transcendental functions at run time, which differ
 /// in the last bit. Everything that decides something (a path, a turn, a cost) uses these instead:
-/// plain IEEE-754 double arithmetic without fused operations. sqrt, floor and fabs of <cmath> are
+/// plain IEEE-754 double arithmetic without fused operations. sqrt, floor and fabs of C++ are
 /// exact and may be used as they are. Accuracy: within 4 ulp of the true value, held by test
 /// against libm.
 namespace hedgehop::elementary {

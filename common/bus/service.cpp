@@ -9,6 +9,7 @@
 
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
+#include "bus/supervisor.hpp"
 
 namespace hedgehop::bus {
 namespace {
@@ -156,6 +157,7 @@ ServiceLoop::ServiceLoop(Bus& bus, BlobExchange& exchange, std::string name,
 }
 
 void ServiceLoop::run(double period_s, const std::function<void(Time now)>& tick) {
+  tell_supervisor("READY=1");
   while (!is_stopped_ && !bus::stop_requested()) {
     if (bus_.is_finished() && status_.state != messages::ServiceState::kWorking) {
       break;
@@ -164,6 +166,7 @@ void ServiceLoop::run(double period_s, const std::function<void(Time now)>& tick
     turn(wait_s, tick);
   }
   set_state(messages::ServiceState::kStopping, {});
+  tell_supervisor("STOPPING=1");
   publish_status();
 }
 
@@ -202,6 +205,9 @@ void ServiceLoop::publish_status() {
   const Time now = bus_.now();
   next_status_ = now + kStatusPeriod_s;
   bus_.publish(messages::kServiceStatusChannel, status(), now);
+  std::string text = status_.text;  // one line, whatever it holds
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  tell_supervisor("WATCHDOG=1\nSTATUS=" + text);
 }
 
 }  // namespace hedgehop::bus

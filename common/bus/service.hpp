@@ -59,7 +59,7 @@ std::optional<ServiceArguments> parse_service_arguments(int argc, const char* co
 int run_main(const std::string& service_name, const std::function<int()>& body);
 
 /// Drives one process on the bus: hands messages over, paces chunks, ticks, publishes
-/// SERVICE_STATUS.
+/// SERVICE_STATUS, and tells the supervisor of the process with each of these that it is alive.
 class ServiceLoop {
  public:
   ServiceLoop(Bus& bus, BlobExchange& exchange, std::string name, const Hash128& config_hash);

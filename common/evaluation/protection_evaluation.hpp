@@ -62,7 +62,7 @@ struct ProtectionResult {
 /// Cells whose surroundings lie inside the map altogether are timed and compared, as long as there
 /// are at least 100 x 100 of them; in a smaller map all cells.
 ///
-/// @param threads  0: one for each processor.
+/// @param execution  threads 0: one for each processor.
 /// @throws DataError    the map has no known cell
 /// @throws UsageError   this processor lacks the instructions that `simd` asks for
 /// @throws Interrupted

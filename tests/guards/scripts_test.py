@@ -56,7 +56,7 @@ class Scripts(unittest.TestCase):
                 self.assertGreaterEqual(len(result.stdout.splitlines()), 2)
 
     def test_each_script_that_takes_options_refuses_an_unknown_one(self):
-        for name in ("bench", "check_layers.py", "format", "fuzz", "setup", "test", "tidy", "tsan"):
+        for name in ("bench", "check_layers.py", "format", "fuzz", "packages", "setup", "test", "tidy", "tsan"):
             with self.subTest(script=name):
                 result = run(SCRIPTS / name, "--nonsense", cwd="/")
                 self.assertEqual(result.returncode, 2, result.stdout + result.stderr)

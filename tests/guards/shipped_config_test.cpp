@@ -29,6 +29,7 @@
 #include "evaluation/random_evaluation.hpp"
 #include "evaluation/sensitivity.hpp"
 #include "evaluation/verifier_evaluation.hpp"
+#include "fetch/fetch_options.hpp"
 #include "map_sources/vector_mapping.hpp"
 #include "output/exports.hpp"
 #include "planning/planning.hpp"
@@ -53,6 +54,11 @@ struct Guarded {
 void read_vehicle_file(const std::string& text, const std::string& name) {
   ConfigReader reader = ConfigReader::from_text(text, name);
   command_model::read_vehicle(reader);
+}
+
+void read_fetch_file(const std::string& text, const std::string& name) {
+  ConfigReader reader = ConfigReader::from_text(text, name);
+  fetch::FetchOptions::read(reader);
 }
 
 void read_prepare_file(const std::string& text, const std::string& name) {
@@ -136,6 +142,7 @@ const Guarded* guarded(const std::string& file) {
       {"export.yaml", {read_export_file, {}}},
       {"report.yaml", {read_report_file, {}}},
       {"uncertainty.yaml", {read_uncertainty_file, {}}},
+      {"fetch.yaml", {read_fetch_file, {}}},
       {"map_tiler.yaml", {read_whole(services::read_map_tiler_options), {}}},
       {"global_planner.yaml", {read_whole(services::read_planner_options), {}}},
       {"local_planner.yaml", {read_whole(services::read_planner_options), {}}},
