@@ -9,11 +9,14 @@
 
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
+#include "evaluate_bus.hpp"
+#include "evaluate_flight.hpp"
 #include "evaluate_framework.hpp"
 #include "evaluate_local.hpp"
 #include "evaluate_optimality.hpp"
 #include "evaluate_speed.hpp"
 #include "evaluate_verifier.hpp"
+#include "evaluation/flight_evaluation.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
@@ -62,6 +65,10 @@ EvaluationConfig evaluation_config() {
   config.optimality = evaluation::read_optimality_config(optimality);
   ConfigReader verifier = reader.required_section("verifier");
   config.verifier = evaluation::read_verifier_options(verifier);
+  ConfigReader bus = reader.required_section("bus");
+  evaluation::read_bus_options(bus);
+  ConfigReader flight = reader.required_section("flight");
+  evaluation::read_flight_options(flight);
   reader.finish();
   return config;
 }
@@ -199,7 +206,11 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       "  hedgehop evaluate local-safety --map map --routes routes --json\n"
       "  hedgehop evaluate local-speed --json\n"
       "  hedgehop evaluate optimality --map map --problems 5 --json\n"
-      "  hedgehop evaluate verifier --map map --plans 100 --json");
+      "  hedgehop evaluate verifier --map map --plans 100 --json\n"
+      "  hedgehop evaluate bus --map map --json\n"
+      "  hedgehop evaluate flight --map map --plans 20 --json");
+  add_bus_evaluation_verb(*verb, console);
+  add_flight_evaluation_verb(*verb, console);
   add_protection_verb(*verb, console);
   add_local_evaluation_verbs(*verb, console);
   add_framework_evaluation_verbs(*verb, console);

@@ -192,7 +192,7 @@ std::vector<Finding> replay_flight(bus::Bus& bus, const std::string& prefix) {
   const auto config = services::load_config("", "command_model.yaml");
   const auto options = services::read_command_model_options(config.reader());
   bus::ServiceLoop loop(bus, exchange, "command_model", config.hash());
-  services::CommandModelService service(options, bus, exchange, loop);
+  services::CommandModelService service(options, bus, exchange, loop, services::shipped_rotor());
   while (!bus.is_finished() && !bus::stop_requested()) {
     loop.turn(0.0, [&](Time now) { service.tick(now); });
   }

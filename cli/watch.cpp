@@ -1,10 +1,17 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <unistd.h>
+#include <vector>
 
 #include "bus_arguments.hpp"
+#include "messages/describe.hpp"
+#include "messages/message_error.hpp"
+#include "service_table.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -15,6 +22,8 @@ using messages::Stamp;
 struct WatchArguments {
   BusArguments bus;
   double duration_s = 0.0;
+  bool has_messages = false;
+  std::vector<std::string> echoed;
 };
 
 const char* text_of(messages::PlanState state) {
@@ -132,21 +141,83 @@ void subscribe(bus::Bus& bus, Printer& printer) {
       });
 }
 
+// Each message of the channels, as it was sent.
+void echo(bus::Bus& bus, Printer& printer, const std::vector<std::string>& channels,
+          const std::string& prefix, bool is_json) {
+  bus.subscribe_raw([&printer, channels, prefix, is_json](const bus::RawMessage& message) {
+    const bool is_wanted =
+        std::any_of(channels.begin(), channels.end(), [&](const std::string& channel) {
+          return message.channel == prefix + channel ||
+                 (channel.ends_with('*') &&
+                  message.channel.starts_with(prefix + channel.substr(0, channel.size() - 1)));
+        });
+    if (!is_wanted) {
+      return;
+    }
+    const std::string channel(message.channel);
+    try {
+      const std::string text = messages::describe(message.bytes);
+      printer.print(channel.c_str(), text,
+                    is_json
+                        ? nlohmann::ordered_json{{"receive_utime", message.receive_time.utime_us},
+                                                 {"message", nlohmann::ordered_json::parse(text)}}
+                        : nlohmann::ordered_json());
+    } catch (const messages::MessageError& error) {
+      printer.print(channel.c_str(), std::string("cannot be decoded: ") + error.what(),
+                    {{"error", error.what()}});
+    }
+  });
+}
+
 ExitCode run(const Console& console, const WatchArguments& arguments) {
   bus::Bus bus(arguments.bus.options());
   Printer printer(console.is_json);
-  subscribe(bus, printer);
+  const bool is_echo = !arguments.echoed.empty();
+  const bool has_messages = !is_echo && (console.is_json || arguments.has_messages);
+  const bool has_table = !is_echo && !arguments.has_messages;
+  std::optional<ServiceTable> table;
+  if (is_echo) {
+    echo(bus, printer, arguments.echoed, arguments.bus.channel_prefix, console.is_json);
+  }
+  if (has_messages) {
+    subscribe(bus, printer);
+  }
+  std::int64_t heard = 0;
+  if (has_table) {
+    table.emplace(bus);
+    bus.subscribe_raw([&heard](const bus::RawMessage&) { ++heard; });
+  }
+  const auto show = [&] {
+    table->take_rates(bus.now());
+    if (console.is_json) {
+      printer.print("TABLE", {}, table->json());
+    } else {
+      // A terminal shows the newest table at its top; elsewhere they follow each other.
+      std::printf("%s%s\n", ::isatty(STDOUT_FILENO) != 0 ? "\033[H\033[2J" : "",
+                  table->text().c_str());
+      std::fflush(stdout);
+    }
+  };
+  auto shown = std::chrono::steady_clock::now();
   console.say("watching " + bus.url() + ", Ctrl-C ends it");
   const auto begin = std::chrono::steady_clock::now();
   while (!is_stop_requested()) {
     bus.poll(0.1);
     const double watched_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    if (has_table && std::chrono::steady_clock::now() - shown > std::chrono::seconds(1)) {
+      shown = std::chrono::steady_clock::now();
+      show();
+    }
     if (arguments.duration_s > 0.0 && watched_s > arguments.duration_s) {
       break;
     }
   }
-  if (printer.count() == 0) {
+  const std::int64_t count = has_table ? heard : printer.count();
+  if (count > 0 && has_table) {
+    show();
+  }
+  if (count == 0) {
     throw BusError(
         "nothing was heard on " + bus.url(),
         "start the services with `hedgehop serve --map MAP`, with the same --lcm-url and "
@@ -160,13 +231,25 @@ ExitCode run(const Console& console, const WatchArguments& arguments) {
 void add_watch_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand("watch", "Show what the services on the bus say");
   verb->footer(
-      "One line a message; with --json one object a line.\n"
-      "Example:\n"
-      "  hedgehop watch --duration-s 10");
+      "A table of all services on all hosts, once a second: messages in and out, what they have\n"
+      "lost, by how much their clocks are behind this one, the channels, the map, and what does "
+      "not\n"
+      "fit together: versions, message types, maps, silence. With --messages one line a message\n"
+      "instead, with --echo each message of a channel with all its fields. With --json one object "
+      "a\n"
+      "line, messages and tables (channel TABLE).\n"
+      "Examples:\n"
+      "  hedgehop watch --duration-s 10\n"
+      "  hedgehop watch --echo VEHICLE_STATE --echo 'MAP_*'");
   auto arguments = std::make_shared<WatchArguments>();
   arguments->bus.add_to(*verb);
   verb->add_option("--duration-s", arguments->duration_s, "End after this time (default: Ctrl-C)")
       ->check(CLI::Range(0.1, 1e9));
+  verb->add_flag("--messages", arguments->has_messages, "One line a message, no table");
+  verb->add_option("--echo", arguments->echoed,
+                   "Show this channel's messages, decoded; a beginning and * for several; may be "
+                   "repeated")
+      ->allow_extra_args(false);
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {
     console.action = [&console, arguments] { return run(console, *arguments); };

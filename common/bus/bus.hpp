@@ -53,8 +53,8 @@ struct RawMessage {
 /// A place on the bus.
 ///
 /// Handlers run inside poll(), in the caller's thread, in the order of arrival; a Bus is used by
-/// one thread. Queues are bounded by memory (64 MiB), not by count; what does not fit is counted. A
-/// message that from_message() refuses is counted, noted on stderr at most once a second, and
+/// one thread. Queues are bounded by memory (128 MiB), not by count; what does not fit is counted.
+/// A message that from_message() refuses is counted, noted on stderr at most once a second, and
 /// dropped. A handler must not call poll().
 class Bus {
  public:

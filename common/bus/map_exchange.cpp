@@ -321,6 +321,13 @@ void MapAssembly::tick() {
 }
 
 std::shared_ptr<const map::Map> MapAssembly::map() const { return impl_->map; }
+std::int64_t MapAssembly::packed_bytes() const {
+  std::int64_t bytes = 0;
+  for (const messages::BlobRef& tile : impl_->map_tiles) {
+    bytes += tile.packed_bytes;
+  }
+  return bytes;
+}
 std::int64_t MapAssembly::patch_number() const { return impl_->map_patch_number; }
 const std::optional<messages::MapIndex>& MapAssembly::rival() const { return impl_->rival; }
 const std::optional<messages::MapIndex>& MapAssembly::index() const { return impl_->index; }

@@ -61,6 +61,8 @@ class MapAssembly {
   /// The complete, verified map; nullptr before. Stays valid and unchanged while the caller holds
   /// it.
   [[nodiscard]] std::shared_ptr<const map::Map> map() const;
+  /// What the tiles of map() have on the wire [bytes]; 0 before.
+  [[nodiscard]] std::int64_t packed_bytes() const;
   /// Newest patch in map(); 0 before.
   [[nodiscard]] std::int64_t patch_number() const;
   /// Another map that somebody else offers meanwhile; none while all tilers agree.

@@ -6,6 +6,8 @@
 
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
+#include "base/errors.hpp"
+#include "base/shipped_config.hpp"
 #include "messages/message_error.hpp"
 #include "messages/plan_blobs.hpp"
 #include "planning/planning.hpp"
@@ -48,6 +50,20 @@ CommandModelOptions read_command_model_options(ConfigReader reader) {
   options.tick_period_s = reader.required_double("tick_period_s");
   options.target_age_max_s = reader.required_double("target_age_max_s");
   options.catch_up_steps_max = static_cast<int>(reader.required_integer("catch_up_steps_max"));
+  const std::string plant = reader.required_string("plant");
+  reader.require(plant == "replay" || plant == "closed_loop" || plant == "rotor", "plant",
+                 "must be replay, closed_loop or rotor");
+  options.plant = plant == "rotor"         ? CommandModelOptions::Plant::kRotor
+                  : plant == "closed_loop" ? CommandModelOptions::Plant::kClosedLoop
+                                           : CommandModelOptions::Plant::kReplay;
+  options.has_feed_forward = reader.required_bool("feed_forward");
+  const double wind_mps = reader.required_double("wind_mps");
+  reader.require(wind_mps >= 0.0 && wind_mps <= 30.0, "wind_mps", "must lie between 0 and 30");
+  const double wind_from_rad = reader.required_angle("wind_from_deg");
+  options.wind = {-wind_mps * elementary::sin(wind_from_rad),
+                  -wind_mps * elementary::cos(wind_from_rad)};
+  ConfigReader follower = reader.required_section("path_following");
+  options.path_following = command_model::read_follower_options(follower);
   reader.finish();
   reader.require(options.tick_period_s >= 0.001 && options.tick_period_s <= 0.05, "tick_period_s",
                  "must lie between 0.001 and 0.05");
@@ -58,10 +74,19 @@ CommandModelOptions read_command_model_options(ConfigReader reader) {
   return options;
 }
 
+std::shared_ptr<const command_model::RotorPlant> shipped_rotor() {
+  ConfigReader reader =
+      ConfigReader::from_text(shipped_config("rotor_plant.yaml"), "config/rotor_plant.yaml");
+  return std::make_shared<const command_model::RotorPlant>(
+      command_model::read_rotor_parameters(reader));
+}
+
 struct CommandModelService::Flight {
   Hash128 request_id;
   Model model;
-  std::optional<flight::Trajectory> trajectory;  // none: flown by targets
+  std::optional<flight::Trajectory> trajectory;     // none: flown by targets
+  std::unique_ptr<command_model::PathFlight> path;  // along the trajectory; none: by its commands
+  double rotor_power_max_w = 0.0;                   // 0: no rotor
   command_model::ModelState state;
   command_model::Command command;
   double step_s = 0.0;
@@ -84,7 +109,22 @@ struct CommandModelService::Flight {
         std::max(vertical_deviation_max_m, std::fabs(state.altitude_m - wanted.altitude_m));
   }
   [[nodiscard]] std::string text() const {
-    char text[200];
+    char text[300];
+    if (path) {
+      const command_model::PathRecord& record = path->record();
+      int length = std::snprintf(
+          text, sizeof text,
+          "flight of request %.8s, %.0f s; beside its path by at most %.3g m, below %.3g m, above "
+          "%.3g m",
+          request_id.hex().c_str(), static_cast<double>(step_number) * step_s,
+          record.horizontal_max_m, record.below_max_m, record.above_max_m);
+      if (rotor_power_max_w > 0.0) {
+        std::snprintf(text + length, sizeof text - static_cast<std::size_t>(length),
+                      "; torque margin %.0f %%",
+                      100.0 * (1.0 - record.power_max_w / rotor_power_max_w));
+      }
+      return text;
+    }
     std::snprintf(text, sizeof text,
                   "flight of request %.8s, %.0f s; strayed from the trajectory by at most %.3g m, "
                   "in altitude %.3g m",
@@ -95,8 +135,10 @@ struct CommandModelService::Flight {
 };
 
 CommandModelService::CommandModelService(const CommandModelOptions& options, bus::Bus& bus,
-                                         bus::BlobExchange& exchange, bus::ServiceLoop& loop)
-    : options_(options), bus_(bus), exchange_(exchange), loop_(loop) {
+                                         bus::BlobExchange& exchange, bus::ServiceLoop& loop,
+                                         std::shared_ptr<const command_model::RotorPlant> rotor)
+    : options_(options), rotor_(std::move(rotor)), bus_(bus), exchange_(exchange), loop_(loop) {
+  HEDGEHOP_ASSERT(options.plant != CommandModelOptions::Plant::kRotor || rotor_);
   bus.subscribe<messages::RouteHeader>(messages::kRouteChannel,
                                        [this](const messages::RouteHeader& route, const Stamp&) {
                                          remember_route(route.request_id, route.plan);
@@ -201,6 +243,13 @@ void CommandModelService::take_off_if_ready(Time now) {
   flight_->state = model_state_of(plan.trajectory.states.front());
   flight_->command = command_of(plan.trajectory.states.front());
   flight_->trajectory = std::move(plan.trajectory);
+  if (options_.plant != CommandModelOptions::Plant::kReplay) {
+    const bool is_rotor = options_.plant == CommandModelOptions::Plant::kRotor;
+    flight_->path = std::make_unique<command_model::PathFlight>(
+        *flight_->trajectory, is_rotor ? command_model::Plant(rotor_) : command_model::Plant(model),
+        options_.path_following, options_.has_feed_forward, options_.wind);
+    flight_->rotor_power_max_w = is_rotor ? rotor_->power_max_w() : 0.0;
+  }
   flight_->start = now;
   flown_plan_ = header.plan.id;
   target_.reset();
@@ -262,6 +311,21 @@ void CommandModelService::fly(Time now) {
       end_flight("no VEHICLE_TARGET any more");
       return;
     }
+    if (flight.path) {
+      flight.path->step();
+      ++flight.step_number;
+      flight.state = flight.path->state();
+      flight.command = flight.path->command();
+      publish_state(flight);
+      if (flight.path->is_over()) {
+        end_flight((flight.path->has_arrived() ? "arrived: " : "did not arrive: ") + flight.text());
+        return;
+      }
+      if (flight.step_number % 20 == 0) {
+        loop_.set_state(ServiceState::kWorking, flight.text());
+      }
+      continue;
+    }
     flight.state = flight.model->step(flight.state, flight.command, flight.step_s);
     ++flight.step_number;
     if (flight.trajectory) {
@@ -294,9 +358,13 @@ void CommandModelService::publish_state(const Flight& flight) {
   message.state = flight.state;
   message.command = flight.command;
   if (flight.trajectory) {
+    const auto place = flight.path
+                           ? static_cast<std::size_t>(flight.path->plan_time_s() / flight.step_s)
+                           : static_cast<std::size_t>(flight.step_number);
     message.heading_true_rad = true_from_grid_azimuth_rad(
         azimuth_from_math_angle_rad(flight.state.heading_math_rad),
-        flight.trajectory->states[static_cast<std::size_t>(flight.step_number)].convergence_rad);
+        flight.trajectory->states[std::min(place, flight.trajectory->states.size() - 1)]
+            .convergence_rad);
   }
   bus_.publish(messages::kVehicleStateChannel, message, flight.time_of(flight.step_number));
 }

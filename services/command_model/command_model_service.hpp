@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <deque>
 #include <map>
 #include <memory>
@@ -12,6 +13,7 @@
 #include "bus/bus.hpp"
 #include "bus/service.hpp"
 #include "command_model/command_model.hpp"
+#include "command_model/path_flight.hpp"
 #include "flight/plan.hpp"
 #include "messages/plan_messages.hpp"
 #include "messages/vehicle_messages.hpp"
@@ -23,21 +25,33 @@ struct CommandModelOptions {
   double tick_period_s = 0.0;
   double target_age_max_s = 0.0;  // a real-time target is held this long, then the flight ends
   int catch_up_steps_max = 0;     // steps in one tick when the process was held up
+  enum class Plant : std::uint8_t { kReplay, kClosedLoop, kRotor };
+  Plant plant = Plant::kReplay;
+  bool has_feed_forward = false;
+  command_model::Wind wind;  // that the plants fly in, but for kReplay
+  command_model::FollowerOptions path_following;
 };
 CommandModelOptions read_command_model_options(ConfigReader reader);
+
+/// The shipped rotor_plant.yaml.
+std::shared_ptr<const command_model::RotorPlant> shipped_rotor();
 
 /// The simulated helicopter.
 ///
 /// It flies the newest TRAJECTORY in real time: the command model is stepped with the commands that
 /// the trajectory states (feed-forward), one VEHICLE_STATE a step, and the status tells how far it
-/// strays. A real-time VEHICLE_TARGET takes over with its own command. A lockstep VEHICLE_TARGET is
-/// answered by one step from the state that it brings, however often it is asked.
+/// strays. With another plant than kReplay path-following controllers keep it on the trajectory, in
+/// a wind, with the planner's model or a rotor whose power is reckoned. A real-time VEHICLE_TARGET
+/// takes over with its own command. A lockstep VEHICLE_TARGET is answered by one step from the
+/// state that it brings, however often it is asked.
 ///
 /// Which vehicle it is says the config of the request, which comes with the route.
 class CommandModelService {
  public:
+  /// @param rotor  of kRotor
   CommandModelService(const CommandModelOptions& options, bus::Bus& bus,
-                      bus::BlobExchange& exchange, bus::ServiceLoop& loop);
+                      bus::BlobExchange& exchange, bus::ServiceLoop& loop,
+                      std::shared_ptr<const command_model::RotorPlant> rotor = nullptr);
   ~CommandModelService();
 
   void tick(Time now);
@@ -58,6 +72,7 @@ class CommandModelService {
   void publish_state(const Flight& flight);
 
   CommandModelOptions options_;
+  std::shared_ptr<const command_model::RotorPlant> rotor_;
   bus::Bus& bus_;
   bus::BlobExchange& exchange_;
   bus::ServiceLoop& loop_;

@@ -22,7 +22,7 @@ int main(int argc, char** argv) {
     bus::Bus bus(arguments->bus);
     bus::BlobExchange exchange({}, bus);
     bus::ServiceLoop loop(bus, exchange, "command_model", config.hash());
-    services::CommandModelService service(options, bus, exchange, loop);
+    services::CommandModelService service(options, bus, exchange, loop, services::shipped_rotor());
     loop.run(options.tick_period_s, [&](Time now) { service.tick(now); });
     return 0;
   });

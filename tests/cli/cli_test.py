@@ -978,6 +978,17 @@ class Json(CliTest):
         self.assertEqual(refused.returncode, 2)
         self.assertIn("--violation-probability", refused.stderr)
 
+    def test_evaluate_flight(self):
+        found = self.one_object("evaluate", "flight", "--map", self.map, "--plans", "1", "--seed", "5")
+        self.assertEqual(found["plans"], 1)
+        rows = {(row["plant"], row["feed_forward"], row["wind"]): row for row in found["rows"]}
+        self.assertEqual(len(rows), 8)
+        for plant in ("closed_loop", "rotor"):
+            self.assertEqual(rows[plant, True, False]["within_margins"], 1, rows)
+            self.assertLess(rows[plant, True, False]["horizontal_rms_m"], rows[plant, False, False]["horizontal_rms_m"])
+        self.assertIsNone(rows["closed_loop", True, True]["torque_margin_min"])
+        self.assertLess(rows["rotor", True, True]["power_share_max"], 1.06)
+
     def test_evaluate_verifier(self):
         found = self.one_object("evaluate", "verifier", "--map", self.map, "--plans", "2", "--seed", "5")
         self.assertEqual(found["seed"], 5)

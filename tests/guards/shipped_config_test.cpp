@@ -22,6 +22,7 @@
 #include "briefing/manoeuvres.hpp"
 #include "command_model/command_model.hpp"
 #include "evaluation/clearance_risk.hpp"
+#include "evaluation/flight_evaluation.hpp"
 #include "evaluation/framework_comparison.hpp"
 #include "evaluation/local_flights.hpp"
 #include "evaluation/optimality_evaluation.hpp"
@@ -86,6 +87,10 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_optimality_config(optimality);
   ConfigReader verifier = reader.required_section("verifier");
   evaluation::read_verifier_options(verifier);
+  ConfigReader bus = reader.required_section("bus");
+  evaluation::read_bus_options(bus);
+  ConfigReader flight = reader.required_section("flight");
+  evaluation::read_flight_options(flight);
   reader.finish();
 }
 
@@ -98,6 +103,11 @@ void read_report_file(const std::string& text, const std::string& name) {
   ConfigReader costs = reader.required_section("costs");
   briefing::read_cost_options(costs);
   reader.finish();
+}
+
+void read_rotor_file(const std::string& text, const std::string& name) {
+  ConfigReader reader = ConfigReader::from_text(text, name);
+  command_model::read_rotor_parameters(reader);
 }
 
 void read_uncertainty_file(const std::string& text, const std::string& name) {
@@ -147,6 +157,7 @@ const Guarded* guarded(const std::string& file) {
       {"global_planner.yaml", {read_whole(services::read_planner_options), {}}},
       {"local_planner.yaml", {read_whole(services::read_planner_options), {}}},
       {"command_model.yaml", {read_whole(services::read_command_model_options), {}}},
+      {"rotor_plant.yaml", {read_rotor_file, {}}},
       {"flight_logger.yaml", {read_whole(services::read_flight_logger_options), {}}},
   };
   if (file.starts_with("mappings/")) {

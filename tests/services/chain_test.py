@@ -422,6 +422,44 @@ def two_maps_on_one_network_are_named_and_not_mixed(setup):
     check(stop(serve) == 0, setup.text(serve))
 
 
+def evaluate_bus_measures_what_the_bus_costs(setup):
+    done = setup.run("evaluate", "bus", "--map", setup.map, "--plans", "1", "--lockstep-steps", "500", "--without-loss",
+                     "--distance", "2500", "--seed", "7", "--json", timeout=100)
+    check(done.returncode == 0, f"{done.returncode}: {done.stderr}")
+    found = json.loads(done.stdout)
+    check(found["is_same"], "another trajectory over the bus")
+    check(found["lockstep_steps_per_s"] > 500 and found["tile_mb_per_s"] > 0.2, done.stdout)
+    check(found["loss_table"] is None and "without-loss" in found["loss_table_reason"], done.stdout)
+    check(-1 < found["first_plan_overhead_s"] < 10 and -1 < found["plan_overhead_s"] < 5, done.stdout)
+
+
+def watch_shows_services_channels_and_echoes(setup):
+    serve = setup.serve()
+    setup.request("over_bus")
+    lines = setup.run("watch", "--duration-s", "2.5", "--json").stdout.splitlines()
+    tables = [json.loads(line) for line in lines if json.loads(line)["channel"] == "TABLE"]
+    check(tables, "no table")
+    table = tables[-1]
+    check({service["name"] for service in table["services"]} == set(SERVICES), str(table["services"]))
+    for service in table["services"]:
+        check(-0.5 < service["clock_offset_s"] < 0.5 and service["published_per_s"] > 0, str(service))
+    check(table["channels"]["MAP_INDEX"]["messages"] >= 1 and table["mismatches"] == [], str(table))
+    text = setup.run("watch", "--duration-s", "2").stdout
+    check("map_tiler" in text and "clock ms" in text and "MISMATCH" not in text, text)
+    echoed = setup.run("watch", "--echo", "MAP_I*", "--echo", "SERVICE_STATUS", "--duration-s", "2.5", "--json").stdout
+    messages = [json.loads(line) for line in echoed.splitlines()]
+    check({message["channel"] for message in messages} == {"MAP_INDEX", "SERVICE_STATUS"}, echoed)
+    index = next(message["message"] for message in messages if message["channel"] == "MAP_INDEX")
+    check(index["type"] == "map_index_t" and index["column_count"] == 240 and index["label"] == "TEST HILLS", str(index))
+    doctor = json.loads(setup.run("doctor", "--json").stdout)
+    checks = {one["name"]: one for one in doctor["checks"]}
+    check({"multicast route", "TTL", "receive buffer", "IP fragments", "PROJ grids", "disk", "versions"} <= set(checks), str(checks))
+    check(checks["multicast route"]["is_ok"] and "over lo" in checks["multicast route"]["text"], str(checks))
+    check("5 services" in checks["versions"]["text"], str(checks["versions"]))
+    check(all(one["is_ok"] or one["remedy"] for one in doctor["checks"]), str(checks))
+    check(stop(serve) == 0, setup.text(serve))
+
+
 def configs_are_checked_before_anything_else(setup):
     for name in SERVICES:
         program = setup.programs / ("hedgehop-" + name.replace("_", "-"))
@@ -454,6 +492,8 @@ TESTS = [
     patches_come_go_and_outlive_the_map_tiler,
     a_plan_under_way_is_made_again_when_a_patch_comes,
     two_maps_on_one_network_are_named_and_not_mixed,
+    evaluate_bus_measures_what_the_bus_costs,
+    watch_shows_services_channels_and_echoes,
     configs_are_checked_before_anything_else,
 ]
 

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -106,6 +107,38 @@ TEST_F(CommandModelServiceTest, ARealTimeTargetIsFollowedUntilItIsTooOld) {
   EXPECT_NEAR(chain_.vehicle_states[4].state.y_m, 20.0, 1e-9);
   // Held for half a second, that is ten steps, then given up.
   EXPECT_FALSE(chain_.turn_until([&] { return chain_.vehicle_states.size() > 12; }, 1.5));
+}
+
+TEST_F(CommandModelServiceTest, ARotorPlantKeepsTheTrajectoryInWindAndTellsItsTorqueMargin) {
+  chain_.remove(0);
+  services::CommandModelOptions options = test::InProcessChain::shipped_command_model();
+  options.plant = services::CommandModelOptions::Plant::kRotor;
+  options.wind = {6.0, -3.0};
+  chain_.add_command_model(options);
+  bus::Bus& bus = chain_.listener().bus;
+  std::string said;
+  bus.subscribe<messages::ServiceStatus>(
+      messages::kServiceStatusChannel,
+      [&](const messages::ServiceStatus& status, const messages::Stamp&) { said = status.text; });
+  bus.publish(messages::kTrajectoryChannel, trajectory_, bus.now());
+  ASSERT_TRUE(chain_.turn_until(
+      [&] { return said.find("arrived: ") == 0 && chain_.vehicle_states.size() >= 38; }, 15.0));
+  for (std::size_t i = 1; i + 3 < chain_.vehicle_states.size(); ++i) {  // not beyond its end
+    const messages::VehicleState& state = chain_.vehicle_states[i];
+    double nearest_m = 1e9;
+    double above_m = 0.0;
+    for (const flight::FlightState& wanted : plan_.trajectory.states) {
+      const double distance_m =
+          std::hypot(state.state.x_m - wanted.x_m, state.state.y_m - wanted.y_m);
+      if (distance_m < nearest_m) {
+        nearest_m = distance_m;
+        above_m = state.state.altitude_m - wanted.altitude_m;
+      }
+    }
+    EXPECT_LT(nearest_m, 3.0) << i;
+    EXPECT_LT(std::fabs(above_m), 2.0) << i;
+  }
+  EXPECT_THAT(said, ::testing::HasSubstr("torque margin"));
 }
 
 TEST(FlightLoggerService, ALoggerThatComesLateStillLeavesALogWithEveryChunk) {

@@ -89,11 +89,11 @@ class InProcessChain {
         });
   }
 
-  void add_map_tiler(const map::Map& map, const std::filesystem::path& patches = {}) {
+  void add_map_tiler(const map::Map& map, const std::filesystem::path& journal = {}) {
     Station& station = add("map_tiler");
     auto service = std::make_shared<services::MapTilerService>(
         services::read_map_tiler_options(services::load_config("", "map_tiler.yaml").reader()), map,
-        station.bus, station.exchange, patches);
+        station.bus, station.exchange, journal);
     station.tick = [service](Time now) { service->tick(now); };
   }
   services::GlobalPlannerService& add_global_planner() {
@@ -102,12 +102,14 @@ class InProcessChain {
   services::LocalPlannerService& add_local_planner() {
     return add_planner<services::LocalPlannerService>("local_planner");
   }
-  void add_command_model() {
+  static services::CommandModelOptions shipped_command_model() {
+    return services::read_command_model_options(
+        services::load_config("", "command_model.yaml").reader());
+  }
+  void add_command_model(const services::CommandModelOptions& options = shipped_command_model()) {
     Station& station = add("command_model");
     auto service = std::make_shared<services::CommandModelService>(
-        services::read_command_model_options(
-            services::load_config("", "command_model.yaml").reader()),
-        station.bus, station.exchange, station.loop);
+        options, station.bus, station.exchange, station.loop, services::shipped_rotor());
     station.tick = [service](Time now) { service->tick(now); };
   }
   void add_flight_logger(const std::filesystem::path& file) {
