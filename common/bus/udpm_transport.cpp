@@ -261,6 +261,9 @@ class UdpmTransport final : public Transport {
           read_one(batch, i, now, reader, messages);
         }
         inbox_.put(messages);
+        if (count < static_cast<int>(Batch::kPackets)) {
+          break;  // nothing more waits, or poll() says so
+        }
       }
       bad_packets_ = reader.bad_packets();
     }
