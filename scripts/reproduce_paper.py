@@ -29,8 +29,8 @@ class Measurement:
         self.name = kind if region is None else f"{kind}_{region}"
 
 
-def measurements(regions, is_small):
-    """What is measured, the cheap ones first, in the order of their running."""
+def measurements(regions, is_small, table3_runs):
+    """What is measured, region after region, in the order of its running."""
     def runs(full, small):
         return str(small if is_small else full)
 
@@ -39,6 +39,9 @@ def measurements(regions, is_small):
                           ["--repeats", runs(15, 1), "--reference-repeats", runs(3, 1),
                            "--length", runs(12000, 2000)])]
     for region in regions:
+        varied = ["--parameters", "local.weights.visibility,local.window_m,weights.visibility"] if is_small else []
+        budget = ["--budget-s", "1"] if is_small else []
+        table3 = table3_runs if region == first else max(1, table3_runs * 3 // 8)
         listed += [
             Measurement("protection", region, ["--cells", runs(200, 10), "--seed", SEED]),
             Measurement("random", region, ["--problems", runs(20, 3), "--seed", SEED]),
@@ -47,19 +50,10 @@ def measurements(regions, is_small):
             Measurement("optimality", region,
                         ["--problems", runs(10, 2), "--budgets", "0.5,1" if not is_small else "0.3",
                          "--seed", SEED]),
+            Measurement("verifier", region, ["--plans", runs(350, 4), "--seed", SEED]),
+            Measurement("sensitivity", region, ["--runs", runs(20, 2), "--seed", SEED, *varied], "--keep"),
+            Measurement("table3", region, ["--runs", runs(table3, 3), *budget, "--seed", SEED], "--keep"),
         ]
-    listed += [Measurement("verifier", region, ["--plans", runs(100, 4), "--seed", SEED])
-               for region in regions]
-    for region in regions:
-        arguments = ["--runs", runs(20, 2), "--seed", SEED]
-        if is_small:
-            arguments += ["--parameters", "local.weights.visibility,local.window_m,weights.visibility"]
-        listed.append(Measurement("sensitivity", region, arguments, "--keep"))
-    for region in regions:
-        budget = ["--budget-s", "1"] if is_small else []
-        listed.append(Measurement("table3", region,
-                                  ["--runs", runs(100 if region == first else 30, 3), *budget,
-                                   "--seed", SEED], "--keep"))
     return listed
 
 
@@ -104,8 +98,12 @@ def main():
     parser.add_argument("--data", type=pathlib.Path,
                         default=regions_of_maps.DATA,
                         help="folder with the elevation and vector files of the real regions")
+    parser.add_argument("--table3-runs", type=int, default=100,
+                        help="problems of table 3 on the first region, 81 processor seconds each; three eighths of "
+                             "them on each other (default: 100)")
     parser.add_argument("--only", help="kinds to measure, with commas between, table3 for example; "
                                        "others are taken as they were kept")
+    parser.add_argument("--page-only", action="store_true", help="measure nothing, write the page of what is kept")
     parser.add_argument("--work", type=pathlib.Path, help="what is kept (default: build/results or build/results_small)")
     parser.add_argument("--out", type=pathlib.Path, help="the page (default: docs/results.md; --small: results.md in --work)")
     parser.add_argument("--program", type=pathlib.Path, default=ROOT / "build/release/hedgehop", help=argparse.SUPPRESS)
@@ -126,17 +124,19 @@ def main():
     regions, commands, absent = regions_of_maps.prepare(program, work, arguments.data.resolve(), asked)
     for name, why in absent.items():
         print(f"reproduce_paper: without the region {name}: {why} (--data)", file=sys.stderr)
-    todo = measurements(list(regions), arguments.small)
+    todo = measurements(list(regions), arguments.small, arguments.table3_runs)
     records, begun = {}, time.monotonic()
     for at, measurement in enumerate(todo):
-        if only and measurement.kind not in only and not (work / "measured" / f"{measurement.name}.json").exists():
+        is_kept = (work / "measured" / f"{measurement.name}.json").exists()
+        if not is_kept and (arguments.page_only or (only and measurement.kind not in only)):
             continue
         done = 100 * at // len(todo)
         elapsed = (time.monotonic() - begun) / 60
         print(f"reproduce_paper: [{'#' * (done // 5):<20}] {at} of {len(todo)}, {elapsed:.0f} min: {measurement.name}",
               file=sys.stderr)
         records[measurement.name], _ = measure(program, work, measurement, regions, version)
-    results_page.write(page, records, commands, absent, is_small=arguments.small)
+    unmeasured = [measurement.name for measurement in todo if measurement.name not in records]
+    results_page.write(page, records, commands, absent, unmeasured, is_small=arguments.small)
     print(f"reproduce_paper: {page}", file=sys.stderr)
 
 

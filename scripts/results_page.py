@@ -365,7 +365,7 @@ class Page:
                                for m in ("length", "visibility", "semantics", "height", "bank")]] for row in rows]))
             self.command(record)
 
-    def text(self, commands, absent):
+    def text(self, commands, absent, unmeasured):
         for part in (self.table1, self.table2, self.table3, self.beyond, self.optimality, self.random, self.safety,
                      self.protection, self.verifier, self.sensitivity):
             part()
@@ -389,15 +389,17 @@ class Page:
         head += [f"    {command}" for command in commands.values()]
         if absent:
             head += ["", "Left out: " + "; ".join(f"{name} ({why})" for name, why in absent.items()) + "."]
+        if unmeasured:
+            head += ["", "Not measured for this page: " + ", ".join(unmeasured) + "."]
         if met:
             head += ["", "## Goals that are met", "", table(["goal", "measured"], [[g.text, g.shown] for g in met])]
         return "\n".join(head) + "\n\n" + "\n\n".join(self.parts) + "\n"
 
 
-def write(path, records, commands, absent, is_small):
+def write(path, records, commands, absent, unmeasured, is_small):
     """Writes the page and its figures; the page by a temporary name."""
     page = Page(pathlib.Path(path), records, list(commands), is_small)
-    text = page.text(commands, absent)
+    text = page.text(commands, absent, unmeasured)
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix(".part")
     unfinished.write_text(text, encoding="utf-8")
