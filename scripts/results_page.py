@@ -114,7 +114,7 @@ class Page:
             if example:
                 self.below("TVFH+ at w = 350 m, K = 64 in at most 0.9 ms/km", "", example["ms_per_km"], 0.9,
                            f"{example['ms_per_km']:.2f} ms/km",
-                           "the goal was set on a processor on which the same inner loop takes half the time")
+                           "the goal was set on another, faster processor")
             points = "".join(f"{w} " + " ".join(
                 str(rows[(w, k)]["paper_ms_per_km"] / rows[(w, k)]["ms_per_km"]) if (w, k) in rows else "nan"
                 for k in PAPER_SECTORS) + "\n" for w in PAPER_WINDOWS)
@@ -301,7 +301,7 @@ class Page:
                          number(result["gdal"]["mean_abs_error"], 4)])
             self.below("visibility in at most 1.2 processor seconds per million cells", region,
                        result["cpu_s_per_million_cells"], 1.2, number(result["cpu_s_per_million_cells"]),
-                       "the goal was set on a processor on which the bare inner loop takes 0.45 of the time")
+                       "the goal was set on another, faster processor")
             self.below("visibility error, 95 % of the cells at most 0.002", region, result["error"]["p95_abs"], 0.002,
                        number(result["error"]["p95_abs"], 4), "what remains lies between the rays")
         self.say(table(["region", "instructions", "s per million cells", "mean error", "95 %", "greatest",
