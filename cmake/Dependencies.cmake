@@ -45,7 +45,6 @@ target_link_libraries(hedgehop_third_party::osmium INTERFACE ZLIB::ZLIB BZip2::B
 
 if(HEDGEHOP_TESTS AND NOT HEDGEHOP_IS_INSTALLED)
   find_package(GTest REQUIRED)
-  find_package(rapidcheck REQUIRED)
   include(GoogleTest)
 endif()
 if(HEDGEHOP_BENCHMARKS AND NOT HEDGEHOP_IS_INSTALLED)

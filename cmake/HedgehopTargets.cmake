@@ -116,7 +116,7 @@ function(hedgehop_test)
     target_compile_options(${ARG_NAME}_test PRIVATE -O1)
   endif()
   target_link_libraries(${ARG_NAME}_test PRIVATE
-    hedgehop_flags ${ARG_DEPENDS} GTest::gtest GTest::gmock GTest::gtest_main rapidcheck rapidcheck_gtest)
+    hedgehop_flags ${ARG_DEPENDS} GTest::gtest GTest::gmock GTest::gtest_main)
   gtest_discover_tests(${ARG_NAME}_test
     WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}"
     TEST_PREFIX "${ARG_NAME}."
