@@ -85,6 +85,8 @@ services and bus, several machines, packages, troubleshooting."
   ALL SECTION doc)
 if(TARGET hedgehop_python)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA
+    "${CMAKE_CURRENT_SOURCE_DIR}/debian/python/postinst;${CMAKE_CURRENT_SOURCE_DIR}/debian/python/prerm")
   hedgehop_package(python python3-hedgehop
     "contour flight planning over real terrain: module for Python"
     "Maps as NumPy arrays, planning, verification, messages and logs of hedgehop
