@@ -2,11 +2,15 @@
 
 #include <array>
 #include <cerrno>
+#include <condition_variable>
 #include <cstring>
 #include <fcntl.h>
 #include <fstream>
+#include <mutex>
 #include <sys/stat.h>
+#include <thread>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 
 #include "base/errors.hpp"
@@ -199,6 +203,57 @@ struct EventLogWriter::Impl {
   std::optional<Time> oldest_unsynced;
   bool is_failed = false;
 
+  // A busy disk may take seconds; meanwhile a recorder must not stand still.
+  std::mutex mutex;  // guards the next three
+  bool is_sync_wanted = false;
+  bool is_ending = false;
+  int sync_error = 0;
+  std::condition_variable wake;
+  std::thread syncer;  // from the first sync on
+
+  void sync_soon() {
+    {
+      const std::lock_guard lock(mutex);
+      is_sync_wanted = true;
+      if (!syncer.joinable()) {
+        syncer = std::thread([this] { sync_when_wanted(); });
+      }
+    }
+    wake.notify_one();
+  }
+  void sync_when_wanted() {
+    std::unique_lock lock(mutex);
+    while (true) {
+      wake.wait(lock, [this] { return is_sync_wanted || is_ending; });
+      if (!is_sync_wanted) {
+        return;
+      }
+      is_sync_wanted = false;
+      lock.unlock();
+      const int error = ::fdatasync(file) != 0 ? errno : 0;
+      lock.lock();
+      if (error != 0 && error != EINVAL && error != EROFS) {
+        sync_error = error;
+      }
+    }
+  }
+  void end_syncer() {
+    {
+      const std::lock_guard lock(mutex);
+      is_ending = true;
+    }
+    wake.notify_one();
+    if (syncer.joinable()) {
+      syncer.join();
+    }
+  }
+  void check_sync() {
+    const std::lock_guard lock(mutex);
+    if (const int error = std::exchange(sync_error, 0); error != 0) {
+      throw SystemFailure(name + ": cannot be brought to disk: " + std::strerror(error));
+    }
+  }
+
   /// Everything or nothing of `pending` stays in the file.
   void write_pending() {
     std::size_t done = 0;
@@ -252,6 +307,7 @@ EventLogWriter::~EventLogWriter() {
   } catch (const SystemFailure&) {
     // Nobody is left to tell.
   }
+  impl_->end_syncer();
   ::close(impl_->file);
 }
 
@@ -289,7 +345,10 @@ void EventLogWriter::write(Time receive_time, const std::string& channel, ByteVi
 void EventLogWriter::flush_if_due(Time now) {
   if (impl_->oldest_unsynced &&
       now.utime_us - impl_->oldest_unsynced->utime_us >= impl_->flush_interval_us) {
-    flush();
+    impl_->check_sync();
+    impl_->write_pending();
+    impl_->oldest_unsynced.reset();
+    impl_->sync_soon();
   }
 }
 

@@ -65,7 +65,8 @@ class EventLogWriter {
   /// Throws SystemFailure when the disk is full; the file then ends with a whole event, and
   /// nothing can be written to it any more.
   void write(Time receive_time, const std::string& channel, ByteView bytes);
-  /// Flushes and syncs if the oldest unflushed event is older than the interval.
+  /// Hands events to the system if the oldest one that waits is older than the interval, so that
+  /// they outlive this process, and has them brought to disk by a thread of its own.
   void flush_if_due(Time now);
   void flush();
 
