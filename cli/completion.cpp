@@ -428,7 +428,8 @@ ExitCode write_pages(const Console& console, const Verb& root, const fs::path& f
     }
   }
   if (console.is_json) {
-    print_json({{"schema_version", 1}, {"pages", std::move(list)}});
+    print_json(
+        {{"schema", "hedgehop man pages"}, {"schema_version", 1}, {"pages", std::move(list)}});
   }
   return ExitCode::kOk;
 }
@@ -454,7 +455,10 @@ void add_completion_verbs(CLI::App& app, Console& console) {
                                  : *shell == "zsh" ? zsh_script(root)
                                                    : fish_script(root);
       if (console.is_json) {
-        print_json({{"schema_version", 1}, {"shell", *shell}, {"script", script}});
+        print_json({{"schema", "hedgehop completion"},
+                    {"schema_version", 1},
+                    {"shell", *shell},
+                    {"script", script}});
       } else {
         std::fputs(script.c_str(), stdout);
       }
@@ -487,7 +491,7 @@ void add_completion_verbs(CLI::App& app, Console& console) {
       }
       const std::string page = man_page(found_verb(root, arguments->words));
       if (console.is_json) {
-        print_json({{"schema_version", 1}, {"page", page}});
+        print_json({{"schema", "hedgehop man page"}, {"schema_version", 1}, {"page", page}});
       } else {
         std::fputs(page.c_str(), stdout);
       }

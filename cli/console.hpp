@@ -21,8 +21,9 @@ struct Console {
   int threads = 0;                   // 0: as many as the machine has
   std::function<ExitCode()> action;  // set by the verb that the command line names
 
-  /// Observer that draws a progress bar on a terminal, or one line per 10 %, and stops on Ctrl-C.
-  [[nodiscard]] std::unique_ptr<Observer> observer() const;
+  /// Observer that draws a progress bar with the time to go on a terminal, or one line per 10 %;
+  /// with --verbose it says how long each stage took. It asks to stop after so many Ctrl-C.
+  [[nodiscard]] std::unique_ptr<Observer> observer(int stops = 1) const;
   /// One line on stderr unless quiet.
   void say(const std::string& text) const;
 };
@@ -32,7 +33,10 @@ void add_common_options(CLI::App& verb, Console& console);
 
 /// From now on Ctrl-C and SIGTERM ask long work to stop; the third one kills.
 void install_stop_signals();
-[[nodiscard]] bool is_stop_requested();
+[[nodiscard]] bool is_stop_requested(int stops = 1);
+
+/// "0:07", "12:34", "1:02:03": a duration for people.
+std::string duration_text(double seconds);
 
 /// Prints an error in the manner of the console and returns its exit code.
 ExitCode report_error(const Console& console, ExitCode code, const std::string& what,

@@ -125,7 +125,8 @@ ExitCode run(const Console& console, const DemoArguments& arguments) {
                   degrees_from_radians(position.longitude_rad));
     return std::string(text);
   };
-  const nlohmann::ordered_json json = {{"schema_version", 1},
+  const nlohmann::ordered_json json = {{"schema", "hedgehop demo"},
+                                       {"schema_version", 1},
                                        {"label", region.label},
                                        {"seed", arguments.seed},
                                        {"start", degrees_text(region.start)},

@@ -263,7 +263,8 @@ ExitCode run(const Console& console, const BusArguments& arguments) {
       check_program("java", "lcm-spy", "default-jre"),
   };
   bool is_fit = true;
-  nlohmann::ordered_json json = {{"schema_version", 1},
+  nlohmann::ordered_json json = {{"schema", "hedgehop doctor"},
+                                 {"schema_version", 1},
                                  {"types_hash", messages::types_hash().hex()}};
   for (const Check& check : checks) {
     is_fit = is_fit && (check.is_ok || !check.is_needed);

@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -35,6 +36,7 @@ struct RandomArguments {
   SeedArgument seed;
   PlanningArguments planning;
   std::string timings_file;
+  bool is_overwriting = false;
 };
 
 struct ProtectionArguments {
@@ -84,6 +86,11 @@ ExitCode run_random(const Console& console, const RandomArguments& arguments) {
   if (arguments.problems > 0) {
     options.problems = arguments.problems;
   }
+  if (std::error_code error; !arguments.timings_file.empty() && !arguments.is_overwriting &&
+                             std::filesystem::exists(arguments.timings_file, error)) {
+    throw UsageError("output file " + arguments.timings_file + " exists already",
+                     "choose another name, or add --overwrite to replace it");
+  }
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = map::read_map_bundle(arguments.map);
@@ -99,7 +106,7 @@ ExitCode run_random(const Console& console, const RandomArguments& arguments) {
   }
   if (console.is_json) {
     std::printf("%s", evaluation::random_result_json(result).c_str());
-    return ExitCode::kOk;
+    return evaluation_code(console, result.is_stopped);
   }
   const auto drawn = static_cast<long long>(result.problems.size());
   std::printf("drawn              %lld problems with seed %llu, %lld draws rejected\n", drawn,
@@ -113,7 +120,7 @@ ExitCode run_random(const Console& console, const RandomArguments& arguments) {
   std::printf("visibility change  %+.1f %% against zero weights, over %lld problems\n",
               100.0 * result.visibility_change, static_cast<long long>(result.compared));
   std::printf("length change      %+.1f %%\n", 100.0 * result.length_change);
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 ExitCode run_protection(const Console& console, const ProtectionArguments& arguments) {
@@ -198,6 +205,9 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand("evaluate", "Measure how good plans and maps are");
   verb->require_subcommand(1);
   verb->footer(
+      "Ctrl-C once ends random, optimality, verifier, table2 and local-safety with the problems "
+      "that "
+      "are finished (exit code 4; 130 if there is none).\n"
       "Examples:\n  hedgehop evaluate random --map map --problems 20 --json\n"
       "  hedgehop evaluate protection --map map --json\n"
       "  hedgehop evaluate table2 --map map --routes routes --json\n"
@@ -241,6 +251,7 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   arguments->planning.add_to(*random);
   random->add_option("--timings", arguments->timings_file,
                      "Write the processor seconds of every plan to this JSON file");
+  random->add_flag("--overwrite", arguments->is_overwriting, "Replace an existing --timings file");
   add_common_options(*random, console);
   random->callback([&console, arguments] {
     console.action = [&console, arguments] { return run_random(console, *arguments); };

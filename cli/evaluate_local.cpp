@@ -76,7 +76,7 @@ ExitCode run_table2(const Console& console, const LocalArguments& arguments) {
       evaluation::evaluate_table2(map, config, options.table2, routes, seed, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::table2_result_json(result).c_str());
-    return ExitCode::kOk;
+    return evaluation_code(console, result.is_stopped);
   }
   for (const evaluation::Table2Comparison& comparison : result.comparisons) {
     std::printf("%s against plain following, %lld pairs (seed %llu)\n", comparison.name.c_str(),
@@ -97,7 +97,7 @@ ExitCode run_table2(const Console& console, const LocalArguments& arguments) {
         static_cast<long long>(comparison.plain_taken),
         static_cast<long long>(comparison.not_verified));
   }
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 ExitCode run_local_safety(const Console& console, const LocalArguments& arguments) {
@@ -115,7 +115,7 @@ ExitCode run_local_safety(const Console& console, const LocalArguments& argument
       evaluation::evaluate_local_safety(map, config.text, options.safety, routes, seed, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::local_safety_result_json(result).c_str());
-    return ExitCode::kOk;
+    return evaluation_code(console, result.is_stopped);
   }
   std::printf("%-10s %-6s %7s %7s %10s %10s %11s %11s %12s\n", "planner", "towers", "flights",
               "reached", "collisions", "violations", "clearance_m", "height_m", "low_share");
@@ -127,7 +127,7 @@ ExitCode run_local_safety(const Console& console, const LocalArguments& argument
                 static_cast<long long>(row.clearance_violations), row.min_clearance_m,
                 row.mean_height_m, 100.0 * row.share_under_ceiling_off_towers);
   }
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 std::shared_ptr<LocalArguments> add_arguments(CLI::App& verb, Console& console,

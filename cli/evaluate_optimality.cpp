@@ -93,7 +93,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   } else {
     print(result);
   }
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 }  // namespace

@@ -36,6 +36,9 @@ evaluation::MachineRecord this_machine();
 /// Seconds since some moment of the past.
 double wall_s();
 
+/// Exit code of an evaluation: 0, or 4 for one that was stopped, after a word about it.
+ExitCode evaluation_code(const Console& console, bool is_stopped);
+
 /// Processor seconds of the calling thread, and of the whole process.
 double thread_cpu_s();
 double process_cpu_s();

@@ -187,7 +187,8 @@ ExitCode run(const Console& console, const ExportArguments& arguments) {
   }
 
   if (console.is_json) {
-    const Json json = {{"schema_version", 1},
+    const Json json = {{"schema", "hedgehop export"},
+                       {"schema_version", 1},
                        {"plan", arguments.plan},
                        {"is_verified", plan.verdict.is_verified},
                        {"files", std::move(list)}};

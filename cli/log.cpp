@@ -42,7 +42,8 @@ ExitCode show(const Console& console, const std::string& file) {
   const bus::LogSummary summary = bus::summarize_log(file, *console.observer());
   const double duration_s = seconds_between(summary.begin, summary.end);
   if (console.is_json) {
-    ordered_json json = {{"schema_version", 1},
+    ordered_json json = {{"schema", "hedgehop log info"},
+                         {"schema_version", 1},
                          {"log", file},
                          {"events", summary.events},
                          {"duration_s", duration_s}};
@@ -80,7 +81,10 @@ ExitCode show(const Console& console, const std::string& file) {
 ExitCode check(const Console& console, const std::string& file) {
   const bus::LogSummary summary = bus::summarize_log(file, *console.observer());
   if (console.is_json) {
-    ordered_json json = {{"schema_version", 1}, {"log", file}, {"events", summary.events}};
+    ordered_json json = {{"schema", "hedgehop log check"},
+                         {"schema_version", 1},
+                         {"log", file},
+                         {"events", summary.events}};
     json.update(damage_json(summary));
     json["backward_times"] = summary.backward_times;
     json["missing"] = ordered_json::array();
@@ -124,7 +128,8 @@ ExitCode copy(const Console& console, const CopyArguments& arguments) {
   const bus::LogCopy done =
       bus::copy_logs(logs, selection, arguments.out, arguments.is_overwriting, *console.observer());
   if (console.is_json) {
-    print({{"schema_version", 1},
+    print({{"schema", "hedgehop log written"},
+           {"schema_version", 1},
            {"out", arguments.out},
            {"events_read", done.events_read},
            {"events_written", done.events_written},

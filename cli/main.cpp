@@ -6,6 +6,7 @@
 
 #include "base/config_reader.hpp"
 #include "hedgehop_version.hpp"
+#include "help_text.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -92,6 +93,7 @@ int main(int argc, char** argv) {
       "files "
       "go in, a concealed, flyable, independently verified trajectory comes out."};
   app.name("hedgehop");
+  use_short_help(app);
   app.set_version_flag("--version", "hedgehop " HEDGEHOP_VERSION);
   app.require_subcommand(1);
   app.footer(

@@ -45,11 +45,12 @@ std::string text_of(const evaluation::RiskPlan& planned, double wanted) {
 struct Made {
   std::variant<flight::Plan, flight::NoPlan> answer;
   bool is_risk_met = true;
+  bool is_stopped = false;  // before the search for a route was done
 };
 
 Made make_plan(const map::Map& map, const flight::PlanRequest& request,
                const planning::PlanningConfig& config, const PlanArguments& arguments,
-               StageTimer& timer, Observer& observer) {
+               const Console& console, StageTimer& timer, Observer& observer) {
   if (arguments.violation_probability > 0.0) {
     const evaluation::RiskDemand demand{
         arguments.uncertainty.errors, arguments.violation_probability,
@@ -68,15 +69,26 @@ Made make_plan(const map::Map& map, const flight::PlanRequest& request,
     return {std::move(planned.plan), planned.is_met};
   }
   auto route = planning::plan_route(map, request, config, route_progress(observer), observer);
-  observer.check_stop();
+  const bool is_stopped = observer.stop_requested();
   timer.lap("route");
   if (auto* no_plan = std::get_if<flight::NoPlan>(&route)) {
+    observer.check_stop();  // nothing was found yet
     return {std::move(*no_plan)};
   }
-  auto result =
-      planning::plan_flight(map, std::get<flight::RoutePlan>(route), config, {}, observer);
+  if (is_stopped) {
+    console.say("stopped: flying the best route so far; Ctrl-C again gives it up");
+  }
+  const auto flying = console.observer(2);
+  const flight::RoutePlan& found = std::get<flight::RoutePlan>(route);
+  auto result = planning::plan_flight(map, found, config, {}, *flying);
+  flying->check_stop();
   timer.lap("flight_and_verification");
-  return {std::move(result)};
+  if (auto* plan = std::get_if<flight::Plan>(&result); plan != nullptr && is_stopped) {
+    plan->warnings.push_back("stopped after " + std::to_string(found.route.work_units) +
+                             " work units: the best route until then; planned to the end, it may "
+                             "cost less");
+  }
+  return {std::move(result), true, is_stopped};
 }
 
 ExitCode run(const Console& console, const PlanArguments& arguments) {
@@ -99,8 +111,9 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
   observer->check_stop();
   const flight::PlanRequest request = arguments.request.plan_request(mission, &map);
   timer.lap("read_map");
-  const Made made = make_plan(map, request, config, arguments, timer, *observer);
-  observer->check_stop();
+  const Made made = make_plan(map, request, config, arguments, console, timer, *observer);
+  const auto last_observer = console.observer(2);
+  last_observer->check_stop();
   if (const auto* no_plan = std::get_if<flight::NoPlan>(&made.answer)) {
     return report_no_plan(console, *no_plan);
   }
@@ -111,11 +124,11 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
     output::write_figures(plan, map, folder.path() / "figures");
     timer.lap("figures");
   }
-  observer->check_stop();
+  last_observer->check_stop();
   timer.write(folder.path());
   folder.commit();
-  const ExitCode code = report_plan(console, plan, arguments.out);
-  return made.is_risk_met ? code : ExitCode::kNotVerified;
+  const ExitCode code = report_plan(console, plan, arguments.out, made.is_stopped);
+  return made.is_risk_met && !made.is_stopped ? code : ExitCode::kNotVerified;
 }
 
 }  // namespace
@@ -124,7 +137,9 @@ void add_plan_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand("plan", "Plan a flight on a prepared map, in this one process");
   verb->footer(
       "Writes plan.json, route.geojson, trajectory.csv and timings.json into the folder --out. The "
-      "same map, request, config, seed and work budget give the same bytes.\n"
+      "same map, request, config, seed and work budget give the same bytes. Ctrl-C once ends the "
+      "search and flies the best route so far (exit code 4; 130 if there is none yet), twice gives "
+      "up.\n"
       "Examples:\n"
       "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan --figures\n"
       "  hedgehop plan --map map --mission mission.yaml --out plan\n"

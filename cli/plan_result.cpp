@@ -31,6 +31,7 @@ void StageTimer::lap(const std::string& stage) {
 
 void StageTimer::write(const std::filesystem::path& folder) const {
   nlohmann::ordered_json json;
+  json["schema"] = "hedgehop timings";
   json["schema_version"] = 1;
   for (const Lap& lap : laps_) {
     json["stages"].push_back({{"stage", lap.stage}, {"wall_s", lap.wall_s}, {"cpu_s", lap.cpu_s}});
@@ -52,6 +53,7 @@ ExitCode report_no_plan(const Console& console, const flight::NoPlan& no_plan) {
                no_plan.explanation.c_str());
   if (console.is_json) {
     nlohmann::ordered_json json;
+    json["schema"] = "hedgehop no plan";
     json["schema_version"] = 1;
     json["no_plan"]["cause"] = flight::name_of(no_plan.cause);
     json["no_plan"]["explanation"] = no_plan.explanation;
@@ -64,15 +66,18 @@ ExitCode report_no_plan(const Console& console, const flight::NoPlan& no_plan) {
   return code;
 }
 
-ExitCode report_plan(const Console& console, const flight::Plan& plan, const std::string& folder) {
+ExitCode report_plan(const Console& console, const flight::Plan& plan, const std::string& folder,
+                     bool is_stopped) {
   const flight::PathMeasures& measures = plan.measures;
   const flight::Verdict& verdict = plan.verdict;
   if (console.is_json) {
     nlohmann::ordered_json json;
+    json["schema"] = "hedgehop plan result";
     json["schema_version"] = 1;
     json["plan"] = folder;
     json["request_id"] = plan.route_plan.request_id.hex();
     json["map_hash"] = plan.route_plan.map.hash.hex();
+    json["is_stopped"] = is_stopped;
     json["is_verified"] = verdict.is_verified;
     json["violation_count"] = verdict.violation_count;
     json["length_m"] = measures.length_m;

@@ -38,7 +38,9 @@ global_planning::OnProgress route_progress(Observer& observer);
 /// otherwise.
 ExitCode report_no_plan(const Console& console, const flight::NoPlan& no_plan);
 
-/// Prints the result of a plan. Returns 0, or 4 when it is not verified.
-ExitCode report_plan(const Console& console, const flight::Plan& plan, const std::string& folder);
+/// Prints the result of a plan. Returns 0, or 4 when it is not verified. `is_stopped`: the search
+/// for its route was ended early.
+ExitCode report_plan(const Console& console, const flight::Plan& plan, const std::string& folder,
+                     bool is_stopped = false);
 
 }  // namespace hedgehop::cli

@@ -3,10 +3,13 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
+#include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <unistd.h>
 
 #include "base/angles.hpp"
 #include "base/files.hpp"
@@ -14,6 +17,7 @@
 #include "map/map_bundle.hpp"
 #include "map/source_layer.hpp"
 #include "plan_result.hpp"
+#include "preparation/estimate.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -25,6 +29,7 @@ struct PrepareArguments {
   double cell_m = 0.0;
   std::string crs, label, config_file, out, observers_file, tile;
   bool is_overwriting = false;
+  bool is_dry_run = false;
 };
 
 preparation::PrepareOptions options_of(const PrepareArguments& arguments) {
@@ -114,9 +119,69 @@ preparation::PrepareRequest request_of(const PrepareArguments& arguments, const 
   return request;
 }
 
+// Processor time of visibility for a cell, measured here and now.
+preparation::MachineSpeed machine_speed(const Console& console,
+                                        const preparation::VisibilityOptions& options,
+                                        double cell_m) {
+  const int processors = static_cast<int>(std::max(1L, ::sysconf(_SC_NPROCESSORS_ONLN)));
+  const auto before = std::chrono::steady_clock::now();
+  preparation::visibility_sample(options, cell_m, 1);
+  const double elapsed_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
+  return {elapsed_s / (preparation::kSampleCells * preparation::kSampleCells),
+          console.threads > 0 ? std::min(console.threads, processors) : processors};
+}
+
+ExitCode tell_estimate(const Console& console, const preparation::PrepareRequest& request,
+                       const preparation::PrepareOptions& options) {
+  const double cell_m = request.cell_m.value_or(options.cell_m);
+  const preparation::MachineSpeed speed = machine_speed(console, options.visibility, cell_m);
+  const preparation::PrepareEstimate estimate =
+      preparation::estimate_prepare(request, options, speed);
+  const raster::GridGeometry& map = estimate.grids.map;
+  if (console.is_json) {
+    const geo::GeodeticBox& e = estimate.grids.extent;
+    const nlohmann::ordered_json json = {{"schema", "hedgehop prepare estimate"},
+                                         {"schema_version", 1},
+                                         {"columns", map.columns},
+                                         {"rows", map.rows},
+                                         {"cell_m", map.cell_m},
+                                         {"crs", estimate.grids.crs},
+                                         {"extent_deg",
+                                          {{"west", degrees_from_radians(e.west_rad)},
+                                           {"south", degrees_from_radians(e.south_rad)},
+                                           {"east", degrees_from_radians(e.east_rad)},
+                                           {"north", degrees_from_radians(e.north_rad)}}},
+                                         {"working_cells", estimate.grids.working.cell_count()},
+                                         {"input_bytes", estimate.input_bytes},
+                                         {"disk_bytes", std::round(estimate.disk_bytes)},
+                                         {"memory_bytes", std::round(estimate.memory_bytes)},
+                                         {"duration_s", estimate.duration_s},
+                                         {"threads", speed.threads},
+                                         {"factor", 3.0}};
+    std::printf("%s\n", json.dump(2).c_str());
+    return ExitCode::kOk;
+  }
+  std::printf("size          %d x %d cells of %g m, %.1f x %.1f km, %s\n", map.columns, map.rows,
+              map.cell_m, 1e-3 * map.columns * map.cell_m, 1e-3 * map.rows * map.cell_m,
+              estimate.grids.crs.c_str());
+  std::printf("with margin   %.2f million cells to work on\n",
+              1e-6 * static_cast<double>(estimate.grids.working.cell_count()));
+  std::printf("inputs        %.1f MB\n", 1e-6 * static_cast<double>(estimate.input_bytes));
+  std::printf("disk          about %.1f MB\n", 1e-6 * estimate.disk_bytes);
+  std::printf("memory        about %.0f MB\n", 1e-6 * estimate.memory_bytes);
+  std::printf("time          about %s with %d threads\n",
+              duration_text(estimate.duration_s).c_str(), speed.threads);
+  console.say("nothing is written; each of the last three is good to a factor of 3");
+  return ExitCode::kOk;
+}
+
 ExitCode run(const Console& console, const PrepareArguments& arguments) {
   const preparation::PrepareOptions options = options_of(arguments);
   const preparation::PrepareRequest request = request_of(arguments, console);
+  if (arguments.is_dry_run) {
+    return tell_estimate(console, request, options);
+  }
   StagedFolder folder(arguments.out, map::kMapManifestFile, arguments.is_overwriting);
   const auto observer = console.observer();
 
@@ -142,6 +207,7 @@ ExitCode run(const Console& console, const PrepareArguments& arguments) {
   const map::Map& map = prepared.map;
   if (console.is_json) {
     nlohmann::ordered_json json;
+    json["schema"] = "hedgehop prepare";
     json["schema_version"] = 1;
     json["map"] = arguments.out;
     json["map_hash"] = map.hash.hex();
@@ -234,6 +300,8 @@ void add_prepare_verb(CLI::App& app, Console& console) {
       "that part of the whole region's, byte for byte");
   verb->add_option("--out", arguments->out, "Folder to write the map to")->required();
   verb->add_flag("--overwrite", arguments->is_overwriting, "Replace an existing map in --out");
+  verb->add_flag("--dry-run", arguments->is_dry_run,
+                 "Write nothing; say how large the map will be, and what memory and time it takes");
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {
     console.action = [&console, arguments] { return run(console, *arguments); };

@@ -245,11 +245,10 @@ ExitCode report(const Console& console, const ReplayArguments& arguments,
                         : has(Outcome::kMissing) || findings.empty() ? Outcome::kMissing
                                                                      : Outcome::kEqual;
   if (console.is_json) {
-    nlohmann::ordered_json json = {{"schema_version", 1},
-                                   {"log", arguments.log},
-                                   {"stage", arguments.stage},
-                                   {"result", name_of(whole)},
-                                   {"findings", nlohmann::ordered_json::array()}};
+    nlohmann::ordered_json json = {
+        {"schema", "hedgehop replay"}, {"schema_version", 1},
+        {"log", arguments.log},        {"stage", arguments.stage},
+        {"result", name_of(whole)},    {"findings", nlohmann::ordered_json::array()}};
     for (const Finding& finding : findings) {
       json["findings"].push_back({{"subject", finding.subject},
                                   {"result", name_of(finding.outcome)},

@@ -146,6 +146,7 @@ ExitCode run(const Console& console, ReportArguments& arguments) {
 
   if (console.is_json) {
     nlohmann::ordered_json json;
+    json["schema"] = "hedgehop report";
     json["schema_version"] = 1;
     json["plan"] = arguments.plan;
     json["report"] = file.string();

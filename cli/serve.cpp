@@ -45,7 +45,8 @@ ExitCode run(const Console& console, const ServeArguments& arguments) {
   bus::Bus bus(setup.bus);
   ServiceChildren children(console, bus, setup);
   if (console.is_json) {
-    const nlohmann::ordered_json json = {{"schema_version", 1},
+    const nlohmann::ordered_json json = {{"schema", "hedgehop serve"},
+                                         {"schema_version", 1},
                                          {"lcm_url", bus.url()},
                                          {"map", setup.map.string()},
                                          {"log", setup.log.string()}};

@@ -171,6 +171,7 @@ void print_json(const std::string& folder, const flight::Plan& plan,
                 const std::optional<evaluation::ClearanceRisk>& risk, const Places& places) {
   const flight::Verdict& verdict = check.verdict;
   Json json;
+  json["schema"] = "hedgehop verify";
   json["schema_version"] = 1;
   json["plan"] = folder;
   json["request_id"] = plan.route_plan.request_id.hex();
@@ -280,6 +281,7 @@ ExitCode report_legs(const Console& console, const std::string& file, const map:
   };
   if (console.is_json) {
     Json json;
+    json["schema"] = "hedgehop verify legs";
     json["schema_version"] = 1;
     json["file"] = file;
     json["map_hash"] = map.hash.hex();

@@ -52,7 +52,8 @@ class Printer {
   void print(const char* channel, const std::string& text, nlohmann::ordered_json json) {
     ++count_;
     if (is_json_) {
-      nlohmann::ordered_json line = {{"schema_version", 1}, {"channel", channel}};
+      nlohmann::ordered_json line = {
+          {"schema", "hedgehop watch"}, {"schema_version", 1}, {"channel", channel}};
       line.update(json);
       std::printf("%s\n",
                   line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());

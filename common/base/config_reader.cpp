@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <set>
 #include <yaml-cpp/yaml.h>
 
@@ -401,6 +402,29 @@ std::string with_config_section(std::string_view text, const std::string& name,
   YAML::Node root = load(text, name);
   root[std::string(section)] = load(section_text, section_name);
   return emitted(root);
+}
+
+std::vector<ConfigEntry> config_entries(std::string_view text, const std::string& name) {
+  std::vector<ConfigEntry> entries;
+  const std::function<void(const YAML::Node&, const std::string&)> collect =
+      [&](const YAML::Node& map, const std::string& prefix) {
+        for (const auto& pair : map) {
+          const std::string key = prefix + pair.first.Scalar();
+          if (pair.second.IsMap()) {
+            collect(pair.second, key + ".");
+            continue;
+          }
+          YAML::Emitter out;
+          out.SetSeqFormat(YAML::Flow);
+          out.SetMapFormat(YAML::Flow);
+          out << pair.second;
+          std::string value = out.c_str();
+          std::replace(value.begin(), value.end(), '\n', ' ');
+          entries.push_back({key, value, pair.first.Mark().line + 1});
+        }
+      };
+  collect(load(text, name), "");
+  return entries;
 }
 
 std::string canonical_config(std::string_view text, const std::string& name) {

@@ -142,6 +142,38 @@ SafetyOutcome safety_of(const std::optional<RouteFlight>& flight,
   return outcome;
 }
 
+/// Runs `work` for 0 to count - 1 in parallel and marks what was finished; throws Interrupted if
+/// that is nothing.
+template <typename Work>
+void for_each_until_stopped(std::size_t count, std::vector<char>& is_done, const Observer& observer,
+                            const Work& work) {
+  oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+    if (observer.stop_requested()) {
+      return;
+    }
+    try {
+      work(i);
+    } catch (const Interrupted&) {
+      return;
+    }
+    is_done[i] = observer.stop_requested() ? 0 : 1;  // it may have ended early
+  });
+  if (std::find(is_done.begin(), is_done.end(), 1) == is_done.end()) {
+    observer.check_stop();
+  }
+}
+
+template <typename T>
+void keep_done(const std::vector<char>& is_done, std::vector<T>& values) {
+  std::vector<T> kept;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (is_done[i] != 0) {
+      kept.push_back(std::move(values[i]));
+    }
+  }
+  values = std::move(kept);
+}
+
 LocalSafetyRow row_of(const LocalSafetyOptions::Row& asked,
                       const std::vector<SafetyOutcome>& outcomes, const DrawnRoutes& routes,
                       double required_clearance_m) {
@@ -243,20 +275,24 @@ Table2Result evaluate_table2(const map::Map& map, const PlanningConfig& config,
   std::vector<Outcome> plain(count);
   std::vector<Outcome> lateral(count);
   std::vector<Outcome> optimised(count);
+  std::vector<char> is_done(count, 0);
   std::atomic<std::size_t> done{0};
-  oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+  for_each_until_stopped(count, is_done, observer, [&](std::size_t i) {
     const DrawnRoute& route = routes.routes[i];
     plain[i] = outcome_of(flown(costs, plain_config, route, observer));
     lateral[i] = outcome_of(flown(costs, lateral_config, route, observer));
     optimised[i] = outcome_of(flown(costs, config, route, observer));
     observer.progress("flights", static_cast<double>(++done), static_cast<double>(count));
   });
-  observer.check_stop();
+  keep_done(is_done, plain);
+  keep_done(is_done, lateral);
+  keep_done(is_done, optimised);
 
   Table2Result result;
   result.seed = seed;
+  result.is_stopped = plain.size() < count;
   result.map_hash = map.hash.hex();
-  result.runs = static_cast<std::int64_t>(count);
+  result.runs = static_cast<std::int64_t>(plain.size());
   result.problems = routes.problems;
   for (const Outcome& outcome : plain) {
     result.plain_not_reached += outcome.is_reached ? 0 : 1;
@@ -310,8 +346,9 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
   std::vector<std::vector<SafetyOutcome>> outcomes(options.rows.size(),
                                                    std::vector<SafetyOutcome>(count));
   const raster::Grid<std::uint8_t> no_towers(map.geometry, 0);
+  std::vector<char> is_done(count, 0);
   std::atomic<std::size_t> done{0};
-  oneapi::tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+  for_each_until_stopped(count, is_done, observer, [&](std::size_t i) {
     const DrawnRoute& route = routes.routes[i];
     std::optional<map::Map> with_towers;
     std::optional<raster::Grid<std::uint8_t>> near;
@@ -331,17 +368,22 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
     }
     observer.progress("flights", static_cast<double>(++done), static_cast<double>(count));
   });
-  observer.check_stop();
+  DrawnRoutes flown_routes = routes;
+  keep_done(is_done, flown_routes.routes);
+  for (std::vector<SafetyOutcome>& row : outcomes) {
+    keep_done(is_done, row);
+  }
 
   LocalSafetyResult result;
   result.seed = seed;
+  result.is_stopped = flown_routes.routes.size() < count;
   result.map_hash = map.hash.hex();
   result.problems = routes.problems;
   result.options = options;
   for (std::size_t r = 0; r < options.rows.size(); ++r) {
     result.required_clearance_m = configs[r].demands.required_clearance_m;
-    result.rows.push_back(
-        row_of(options.rows[r], outcomes[r], routes, configs[r].demands.required_clearance_m));
+    result.rows.push_back(row_of(options.rows[r], outcomes[r], flown_routes,
+                                 configs[r].demands.required_clearance_m));
   }
   return result;
 }

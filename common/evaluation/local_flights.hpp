@@ -53,6 +53,7 @@ struct Table2Comparison {
 
 struct Table2Result {
   std::uint64_t seed = 0;
+  bool is_stopped = false;  // by the observer; then `runs` are those that were finished
   std::string map_hash;
   std::int64_t runs = 0;
   std::int64_t problems = 0;  // drawn for so many routes
@@ -92,6 +93,7 @@ struct LocalSafetyRow {
 
 struct LocalSafetyResult {
   std::uint64_t seed = 0;
+  bool is_stopped = false;  // by the observer; then rows hold the flights that were finished
   std::string map_hash;
   std::int64_t problems = 0;
   LocalSafetyOptions options;

@@ -12,7 +12,9 @@ using Json = nlohmann::ordered_json;
 
 std::string table2_result_json(const Table2Result& result) {
   Json json;
+  json["schema"] = "hedgehop evaluate table2";
   json["schema_version"] = 1;
+  json["is_stopped"] = result.is_stopped;
   json["seed"] = result.seed;
   json["map_hash"] = result.map_hash;
   json["runs"] = result.runs;
@@ -44,7 +46,9 @@ std::string table2_result_json(const Table2Result& result) {
 
 std::string local_safety_result_json(const LocalSafetyResult& result) {
   Json json;
+  json["schema"] = "hedgehop evaluate local-safety";
   json["schema_version"] = 1;
+  json["is_stopped"] = result.is_stopped;
   json["seed"] = result.seed;
   json["map_hash"] = result.map_hash;
   json["problems"] = result.problems;

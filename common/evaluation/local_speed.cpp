@@ -356,6 +356,7 @@ LocalSpeedResult evaluate_local_speed(const map::Map* map, const planning::Plann
 
 std::string local_speed_json(const LocalSpeedResult& result) {
   nlohmann::ordered_json json;
+  json["schema"] = "hedgehop evaluate local-speed";
   json["schema_version"] = 1;
   json["kernel"] = result.kernel;
   json["map"] = result.map;

@@ -252,7 +252,7 @@ OptimalityResult evaluate_optimality(const map::Map& map, const planning::Planni
   double done = 0.0;
   const auto step_done = [&] { observer.progress("measuring planners", done += 1.0, steps); };
   observer.progress("measuring planners", 0.0, steps);
-  for (std::size_t index = 0; index < drawn.problems.size(); ++index) {
+  const auto measure = [&](std::size_t index) {
     const DrawnProblem& ends = drawn.problems[index];
     OptimalityProblem problem;
     problem.start = projection.to_geodetic(ends.start);
@@ -314,6 +314,16 @@ OptimalityResult evaluate_optimality(const map::Map& map, const planning::Planni
     step_done();
     problem.best_known_m = best_m < kInfinity ? best_m : kNaN;
     result.problems.push_back(std::move(problem));
+  };
+  for (std::size_t index = 0; index < drawn.problems.size() && !result.is_stopped; ++index) {
+    try {
+      measure(index);
+    } catch (const Interrupted&) {
+      if (result.problems.empty()) {
+        throw;
+      }
+      result.is_stopped = true;
+    }
   }
 
   for (std::size_t who = 0; who < contestants.size(); ++who) {

@@ -147,6 +147,7 @@ struct OptimalityResult {
   std::string map_label;
   OptimalityOptions options;
   std::int64_t rejected_draws = 0;
+  bool is_stopped = false;  // by the observer; then `problems` are those that were finished
   std::vector<OptimalityProblem> problems;
   std::vector<OptimalityRow> rows;
   std::vector<CostRatio> ratios;

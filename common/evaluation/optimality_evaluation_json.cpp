@@ -63,7 +63,9 @@ Json attempt_json(const JudgedAttempt& attempt, const std::string& planner) {
 
 std::string optimality_result_json(const OptimalityResult& result, const MachineRecord& machine) {
   Json json;
+  json["schema"] = "hedgehop evaluate optimality";
   json["schema_version"] = 1;
+  json["is_stopped"] = result.is_stopped;
   json["seed"] = result.seed;
   json["map_hash"] = result.map_hash.hex();
   json["map_label"] = result.map_label;

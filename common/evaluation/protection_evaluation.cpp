@@ -322,6 +322,7 @@ ProtectionResult evaluate_protection(const map::Map& map, const VisibilityOption
 
 std::string protection_result_json(const ProtectionResult& result) {
   nlohmann::ordered_json json;
+  json["schema"] = "hedgehop evaluate protection";
   json["schema_version"] = 1;
   json["seed"] = result.seed;
   json["simd"] = result.simd;

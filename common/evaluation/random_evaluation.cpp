@@ -144,9 +144,12 @@ RandomResult evaluate_random(const map::Map& map, const planning::PlanningConfig
 
   const std::size_t runs = 2 * result.problems.size();
   std::atomic<std::size_t> done{0};
+  std::vector<char> is_done(runs, 0);
   observer.progress("planning drawn problems", 0.0, static_cast<double>(runs));
   const auto run_one = [&](std::size_t index) {
-    observer.check_stop();
+    if (observer.stop_requested()) {
+      return;
+    }
     ProblemResult& entry = result.problems[index / 2];
     const bool is_baseline = index % 2 == 1;
     Run& run = is_baseline ? entry.baseline : entry.with_weights;
@@ -165,18 +168,34 @@ RandomResult evaluate_random(const map::Map& map, const planning::PlanningConfig
       run = found != nullptr ? run_of(*found, costs, config.demands.ceiling_height_m)
                              : run_of(std::get<flight::NoPlan>(answer));
     } catch (const Interrupted&) {
-      throw;
+      return;
     } catch (const std::exception& error) {
       run = Run{};
       run.outcome = Outcome::kError;
       run.explanation = error.what();
     }
     run.clock_s = clock ? clock() - before_s : 0.0;
+    if (observer.stop_requested()) {
+      return;  // it may have ended early
+    }
+    is_done[index] = 1;
     observer.progress("planning drawn problems", static_cast<double>(++done),
                       static_cast<double>(runs));
   };
   oneapi::tbb::parallel_for(std::size_t{0}, runs, run_one);
-  observer.check_stop();
+  if (observer.stop_requested()) {
+    result.is_stopped = true;
+    std::vector<ProblemResult> finished;
+    for (std::size_t i = 0; i < result.problems.size(); ++i) {
+      if (is_done[2 * i] != 0 && is_done[2 * i + 1] != 0) {
+        finished.push_back(std::move(result.problems[i]));
+      }
+    }
+    if (finished.empty()) {
+      throw Interrupted();
+    }
+    result.problems = std::move(finished);
+  }
   count(result);
   return result;
 }

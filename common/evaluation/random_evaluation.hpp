@@ -65,6 +65,7 @@ struct RandomResult {
   std::uint64_t seed = 0;
   std::int64_t rejected_unknown = 0;
   std::int64_t rejected_near = 0;
+  bool is_stopped = false;  // by the observer; then `problems` are those that were finished
   std::vector<ProblemResult> problems;
 
   // Counts of the runs with weights.

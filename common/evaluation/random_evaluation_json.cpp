@@ -46,7 +46,9 @@ Json run_json(const Run& run) {
 
 std::string random_result_json(const RandomResult& result) {
   Json json;
+  json["schema"] = "hedgehop evaluate random";
   json["schema_version"] = 1;
+  json["is_stopped"] = result.is_stopped;
   json["seed"] = result.seed;
   json["drawn"] = result.problems.size();
   json["rejected_draws"] = result.rejected_unknown + result.rejected_near;
@@ -77,6 +79,7 @@ std::string random_result_json(const RandomResult& result) {
 
 std::string random_timings_json(const RandomResult& result) {
   Json json;
+  json["schema"] = "hedgehop evaluate random timings";
   json["schema_version"] = 1;
   double with_weights_s = 0.0;
   double baseline_s = 0.0;

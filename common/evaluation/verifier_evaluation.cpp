@@ -247,9 +247,12 @@ VerifierResult evaluate_verifier(const map::Map& map, const planning::PlanningCo
   const DrawnProblems problems = draw_problems(map, options.drawing, options.plans, seed);
   const auto total = static_cast<std::size_t>(options.plans);
   std::vector<Finished> outcomes(total);
+  std::vector<char> is_done(total, 0);
   std::atomic<std::size_t> done{0};
   const auto run_one = [&](std::size_t index) {
-    observer.check_stop();
+    if (observer.stop_requested()) {
+      return;
+    }
     Finished& outcome = outcomes[index];
     const DrawnProblem& problem = problems.problems[index];
     const geo::MapProjection projection(map.crs_wkt);
@@ -288,20 +291,29 @@ VerifierResult evaluate_verifier(const map::Map& map, const planning::PlanningCo
         }
       }
     } catch (const Interrupted&) {
-      throw;
+      return;
     } catch (const std::exception& error) {
       outcome.error = "problem " + std::to_string(index) + ": " + error.what();
     }
+    if (observer.stop_requested()) {
+      return;  // it may have ended early
+    }
+    is_done[index] = 1;
     observer.progress("planning and judging", static_cast<double>(++done),
                       static_cast<double>(total));
   };
   oneapi::tbb::parallel_for(std::size_t{0}, total, run_one);
-  observer.check_stop();
   VerifierResult result;
   result.seed = seed;
-  result.problems = options.plans;
-  for (const Finished& outcome : outcomes) {
-    count(outcome, options, result);
+  result.is_stopped = observer.stop_requested();
+  for (std::size_t i = 0; i < total; ++i) {
+    if (is_done[i] != 0) {
+      ++result.problems;
+      count(outcomes[i], options, result);
+    }
+  }
+  if (result.problems == 0) {
+    throw Interrupted();
   }
   return result;
 }
@@ -309,7 +321,9 @@ VerifierResult evaluate_verifier(const map::Map& map, const planning::PlanningCo
 std::string verifier_result_json(const VerifierResult& result) {
   using Json = nlohmann::ordered_json;
   Json json;
+  json["schema"] = "hedgehop evaluate verifier";
   json["schema_version"] = 1;
+  json["is_stopped"] = result.is_stopped;
   json["seed"] = result.seed;
   json["problems"] = result.problems;
   json["plans"] = result.plans;

@@ -51,6 +51,7 @@ struct Gap {
 
 struct VerifierResult {
   std::uint64_t seed = 0;
+  bool is_stopped = false;  // by the observer; then `problems` are those that were finished
   std::int64_t problems = 0;
   std::int64_t plans = 0;
   std::int64_t no_plan = 0;

@@ -297,6 +297,7 @@ std::string place_description_json(const Map& map, const geo::GeodeticPosition& 
   const double terrain_m = static_cast<double>(map.terrain_m.at(place.cell));
   const double surface_m = static_cast<double>(map.surface_m.at(place.cell));
   Json result;
+  result["schema"] = "hedgehop place";
   result["schema_version"] = 1;
   result["latitude_deg"] = number_or_null(degrees_from_radians(position.latitude_rad), 1e-8);
   result["longitude_deg"] = number_or_null(degrees_from_radians(position.longitude_rad), 1e-8);

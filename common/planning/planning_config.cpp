@@ -11,18 +11,23 @@ namespace {
 constexpr char kShippedName[] = "config/planning.yaml";
 
 // A vehicle is named by a path: beside the user's config, or one that ships with hedgehop.
-std::string vehicle_text(const std::string& vehicle_file, const std::string& config_file) {
+struct VehicleText {
+  std::string text;
+  std::string source;
+};
+
+VehicleText vehicle_text(const std::string& vehicle_file, const std::string& config_file) {
   if (!config_file.empty()) {
     const std::filesystem::path beside =
         std::filesystem::path(config_file).parent_path() / vehicle_file;
     std::error_code error;
     if (std::filesystem::is_regular_file(beside, error)) {
-      return read_file(beside);
+      return {read_file(beside), beside.string()};
     }
   }
   for (const std::string& name : shipped_config_names()) {
     if (name == vehicle_file) {
-      return std::string(shipped_config(name));
+      return {std::string(shipped_config(name)), "config/" + name};
     }
   }
   throw ConfigError((config_file.empty() ? kShippedName : config_file) +
@@ -70,29 +75,87 @@ PlanningConfig read_planning_config(const std::string& text, const std::string& 
   return config;
 }
 
-std::string effective_planning_config(const std::string& config_file,
-                                      const std::vector<std::string>& settings) {
-  std::string text(shipped_config("planning.yaml"));
-  std::string overlay;
-  std::string vehicle_file = config_word(text, kShippedName, "vehicle_file").value();
+namespace {
+
+// What an effective config is put together from.
+struct Parts {
+  std::string shipped;
+  std::string overlay;  // of --config; empty: none
+  VehicleText vehicle;
+};
+
+Parts parts_of(const std::string& config_file) {
+  Parts parts;
+  parts.shipped = shipped_config("planning.yaml");
+  std::string vehicle_file = config_word(parts.shipped, kShippedName, "vehicle_file").value();
   if (!config_file.empty()) {
-    overlay = read_file(config_file);
-    if (const auto chosen = config_word(overlay, config_file, "vehicle_file")) {
+    parts.overlay = read_file(config_file);
+    if (const auto chosen = config_word(parts.overlay, config_file, "vehicle_file")) {
       vehicle_file = *chosen;
     }
   }
-  text = without_config_key(text, kShippedName, "vehicle_file");
-  text = with_config_section(text, kShippedName, "vehicle", vehicle_text(vehicle_file, config_file),
-                             vehicle_file);
+  parts.vehicle = vehicle_text(vehicle_file, config_file);
+  return parts;
+}
+
+std::string merged(const Parts& parts, const std::string& config_file,
+                   const std::vector<std::string>& settings) {
+  std::string text = without_config_key(parts.shipped, kShippedName, "vehicle_file");
+  text =
+      with_config_section(text, kShippedName, "vehicle", parts.vehicle.text, parts.vehicle.source);
   if (!config_file.empty()) {
     // The overlay itself is merged, not a copy of it: errors then name the line that the user
     // wrote.
-    text = overlay_config(text, kShippedName, overlay, config_file, {"vehicle_file"});
+    text = overlay_config(text, kShippedName, parts.overlay, config_file, {"vehicle_file"});
   }
   for (const std::string& setting : settings) {
     text = set_config_value(text, setting);
   }
   return canonical_config(text, "effective configuration");
+}
+
+}  // namespace
+
+std::string effective_planning_config(const std::string& config_file,
+                                      const std::vector<std::string>& settings) {
+  return merged(parts_of(config_file), config_file, settings);
+}
+
+std::vector<ConfigOrigin> planning_config_origins(const std::string& config_file,
+                                                  const std::vector<std::string>& settings) {
+  const Parts parts = parts_of(config_file);
+  std::vector<ConfigOrigin> origins;
+  for (ConfigEntry& entry :
+       config_entries(merged(parts, config_file, settings), "effective configuration")) {
+    origins.push_back({std::move(entry.key), std::move(entry.value), "", 0});
+  }
+  // Later ones win.
+  const auto claim = [&](const std::string& text, const std::string& source,
+                         const std::string& prefix) {
+    for (const ConfigEntry& entry : config_entries(text, source)) {
+      for (ConfigOrigin& origin : origins) {
+        if (origin.key == prefix + entry.key) {
+          origin.source = source;
+          origin.line = entry.line;
+        }
+      }
+    }
+  };
+  claim(parts.shipped, kShippedName, "");
+  claim(parts.vehicle.text, parts.vehicle.source, "vehicle.");
+  if (!config_file.empty()) {
+    claim(parts.overlay, config_file, "");
+  }
+  for (const std::string& setting : settings) {
+    const std::string key = setting.substr(0, setting.find('='));
+    for (ConfigOrigin& origin : origins) {
+      if (origin.key == key || origin.key.starts_with(key + ".")) {
+        origin.source = "--set " + setting;
+        origin.line = 0;
+      }
+    }
+  }
+  return origins;
 }
 
 }  // namespace hedgehop::planning

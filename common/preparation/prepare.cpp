@@ -16,6 +16,7 @@
 #include "map_sources/land_use_source.hpp"
 #include "map_sources/obstacle_file.hpp"
 #include "preparation/areas.hpp"
+#include "preparation/estimate.hpp"
 #include "preparation/ground_weights.hpp"
 #include "preparation/surface_model.hpp"
 
@@ -397,6 +398,50 @@ Json json_of(const NamedObserver& observer, const ThreatLayer& layer) {
 
 }  // namespace
 
+RegionGrids region_grids(const PrepareRequest& request, const PrepareOptions& options,
+                         const map_sources::ElevationSource& elevation) {
+  const double cell_m = request.cell_m.value_or(options.cell_m);
+  check_request(request, cell_m);
+  RegionGrids grids;
+  const geo::GeodeticBox elevation_box = elevation.extent();
+  grids.extent = request.extent.value_or(elevation_box);
+  if (std::none_of(elevation.files().begin(), elevation.files().end(),
+                   [&](const auto& file) { return overlap(file.extent, grids.extent); })) {
+    throw DataError("the bounding box " + text_of(grids.extent) +
+                        " lies outside the elevation files, which cover " + text_of(elevation_box),
+                    "move the bounding box, or add the elevation files that cover it with --dem");
+  }
+  grids.crs = request.crs.empty() ? geo::utm_code(grids.extent.centre()) : request.crs;
+  const geo::MapProjection projection(grids.crs);
+
+  // Of all tiles together only the outline is needed.
+  const std::int64_t whole_cells_max = request.tile ? kTiledCellsMax : options.cells_max;
+  const raster::GridGeometry whole = grid_around(grids.extent, projection, cell_m, whole_cells_max);
+  grids.map = request.tile ? part_of(whole, *request.tile) : whole;
+
+  // Visibility at the border needs what lies beyond it. The files' own extent bounds the margin; it
+  // is cut to the neighbourhood first, since a large file may reach where the projection does not.
+  const int margin = static_cast<int>(std::ceil(options.visibility.radius_m / cell_m)) + 2;
+  raster::GridGeometry wide = whole;
+  wide = {wide.west_m - margin * cell_m, wide.south_m - margin * cell_m, cell_m,
+          wide.columns + 2 * margin, wide.rows + 2 * margin};
+  const geo::GeodeticBox near = intersection(box_of(wide, projection), elevation_box);
+  grids.whole_working =
+      with_margin(whole, margin, grid_around(near, projection, cell_m, kTiledCellsMax));
+  // What is done at a raster's rim, void cells filled in for instance, must not reach a tile's
+  // halo.
+  const int rim = static_cast<int>(std::ceil(options.void_fill_radius_m / cell_m)) + kRimCells;
+  grids.working = request.tile ? with_margin(grids.map, margin + rim, grids.whole_working)
+                               : grids.whole_working;
+  if (grids.working.cell_count() > static_cast<std::size_t>(options.cells_max)) {
+    throw UsageError("the region with its margin for visibility has " +
+                         std::to_string(grids.working.cell_count()) + " cells, more than the " +
+                         std::to_string(options.cells_max) + " allowed",
+                     "choose a smaller bounding box or larger cells (--cell-m)");
+  }
+  return grids;
+}
+
 PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options,
                     Observer& observer) {
   const double cell_m = request.cell_m.value_or(options.cell_m);
@@ -408,49 +453,20 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
 
   const map_sources::ElevationSource elevation(request.dem_files, options.vertical_datum,
                                                options.void_fill_radius_m);
-  const geo::GeodeticBox elevation_box = elevation.extent();
-  const geo::GeodeticBox extent = request.extent.value_or(elevation_box);
-  if (std::none_of(elevation.files().begin(), elevation.files().end(),
-                   [&](const auto& file) { return overlap(file.extent, extent); })) {
-    throw DataError("the bounding box " + text_of(extent) +
-                        " lies outside the elevation files, which cover " + text_of(elevation_box),
-                    "move the bounding box, or add the elevation files that cover it with --dem");
-  }
-  const geo::MapProjection projection(request.crs.empty() ? geo::utm_code(extent.centre())
-                                                          : request.crs);
+  const RegionGrids grids = region_grids(request, options, elevation);
+  const geo::GeodeticBox extent = grids.extent;
+  const geo::MapProjection projection(grids.crs);
 
   PreparedMap result;
   map::Map& map = result.map;
-  // Of all tiles together only the outline is needed.
-  const std::int64_t whole_cells_max = request.tile ? kTiledCellsMax : options.cells_max;
-  const raster::GridGeometry whole = grid_around(extent, projection, cell_m, whole_cells_max);
-  map.geometry = request.tile ? part_of(whole, *request.tile) : whole;
+  map.geometry = grids.map;
   map.crs_wkt = projection.wkt();
   map.vertical_datum = options.vertical_datum.name;
   map.reference_height_m = options.visibility.reference_height_m;
   map.visibility_radius_m = options.visibility.radius_m;
   map.label = request.label;
-
-  // Visibility at the border needs what lies beyond it. The files' own extent bounds the margin; it
-  // is cut to the neighbourhood first, since a large file may reach where the projection does not.
-  const int margin = static_cast<int>(std::ceil(options.visibility.radius_m / cell_m)) + 2;
-  raster::GridGeometry wide = whole;
-  wide = {wide.west_m - margin * cell_m, wide.south_m - margin * cell_m, cell_m,
-          wide.columns + 2 * margin, wide.rows + 2 * margin};
-  const geo::GeodeticBox near = intersection(box_of(wide, projection), elevation_box);
-  const raster::GridGeometry whole_working =
-      with_margin(whole, margin, grid_around(near, projection, cell_m, kTiledCellsMax));
-  // What is done at a raster's rim, void cells filled in for instance, must not reach a tile's
-  // halo.
-  const int rim = static_cast<int>(std::ceil(options.void_fill_radius_m / cell_m)) + kRimCells;
-  const raster::GridGeometry working =
-      request.tile ? with_margin(map.geometry, margin + rim, whole_working) : whole_working;
-  if (working.cell_count() > static_cast<std::size_t>(options.cells_max)) {
-    throw UsageError("the region with its margin for visibility has " +
-                         std::to_string(working.cell_count()) + " cells, more than the " +
-                         std::to_string(options.cells_max) + " allowed",
-                     "choose a smaller bounding box or larger cells (--cell-m)");
-  }
+  const raster::GridGeometry& working = grids.working;
+  const raster::GridGeometry& whole_working = grids.whole_working;
   const raster::CellIndex corner{
       static_cast<int>(std::lround((map.geometry.west_m - working.west_m) / cell_m)),
       static_cast<int>(std::lround((map.geometry.south_m - working.south_m) / cell_m))};

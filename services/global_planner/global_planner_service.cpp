@@ -9,9 +9,12 @@ namespace hedgehop::services {
 using messages::Stamp;
 
 GlobalPlannerService::GlobalPlannerService(const PlannerOptions& options, bus::Bus& bus,
-                                           bus::BlobExchange& exchange, bus::ServiceLoop& loop)
+                                           bus::BlobExchange& exchange, bus::ServiceLoop& loop,
+                                           RoutePlanner planner, std::string name)
     : bus_(bus),
       exchange_(exchange),
+      planner_(std::move(planner)),
+      name_(std::move(name)),
       desk_(options, messages::PlanStage::kGlobal, bus, exchange, loop) {
   bus.subscribe<messages::MapIndex>(
       messages::kMapIndexChannel,
@@ -41,7 +44,7 @@ std::variant<Answer, flight::NoPlan> GlobalPlannerService::plan(
                     "sender and planner differ in version");
   }
   const std::int64_t patch_number = desk_.patch_number();
-  auto result = planning::plan_route(
+  auto result = planner_(
       map, message.request, config,
       [this](const global_planning::RouteProgress& progress) { desk_.report(progress); }, observer);
   if (auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
@@ -58,7 +61,7 @@ std::variant<Answer, flight::NoPlan> GlobalPlannerService::plan(
   header.length_m = flight::length_m(plan.route.waypoints);
   header.work_units = plan.route.work_units;
   header.seed = message.request.seed;
-  header.provenance = "hedgehop global_planner";
+  header.provenance = name_;
   return Answer{header.plan.id,
                 [this, header, asked] { bus_.publish(messages::kRouteChannel, header, asked); }};
 }

@@ -1,19 +1,28 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <variant>
 
 #include "messages/plan_messages.hpp"
+#include "planning/planning.hpp"
 #include "services/shared/planner_desk.hpp"
 
 namespace hedgehop::services {
 
-/// Turns PLAN_REQUEST into ROUTE with planning::plan_route, on the map that is on the bus and under
-/// the config that comes with the request.
+/// What makes routes: planning::plan_route, or one of one's own with the same rules: a function of
+/// its arguments alone that looks at the observer now and then.
+using RoutePlanner = std::function<std::variant<flight::RoutePlan, flight::NoPlan>(
+    const map::Map& map, const flight::PlanRequest& request, const planning::PlanningConfig& config,
+    const global_planning::OnProgress& on_progress, Observer& observer)>;
+
+/// Turns PLAN_REQUEST into ROUTE, on the map that is on the bus and under the config that comes
+/// with the request. `name` stands in the header of each route.
 class GlobalPlannerService {
  public:
   GlobalPlannerService(const PlannerOptions& options, bus::Bus& bus, bus::BlobExchange& exchange,
-                       bus::ServiceLoop& loop);
+                       bus::ServiceLoop& loop, RoutePlanner planner = planning::plan_route,
+                       std::string name = "hedgehop global_planner");
 
   void tick(Time now) { desk_.tick(now); }
   [[nodiscard]] std::string unanswered() const { return desk_.unanswered(); }
@@ -25,6 +34,8 @@ class GlobalPlannerService {
 
   bus::Bus& bus_;
   bus::BlobExchange& exchange_;
+  RoutePlanner planner_;
+  std::string name_;
   PlannerDesk desk_;
 };
 

@@ -19,6 +19,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 import mcap_reader
@@ -532,9 +533,76 @@ class Interrupted(CliTest):
         self.check(["prepare", "--dem", self.hgt, "--osm", self.osm, "--bbox", "11.30,49.40,11.70,49.70",
                     "--cell-m", "40"], self.map)
 
-    def test_plan_stops_in_each_phase_and_leaves_nothing(self):
-        self.check(["plan", "--map", self.map, "--start", START, "--goal", GOAL, "--work", "60000"], self.plan,
-                   allowed=(0, 4))
+    def test_plan_that_is_stopped_once_in_any_phase_is_whole_or_nothing(self):
+        arguments = ["plan", "--map", self.map, "--start", START, "--goal", GOAL, "--work", "60000"]
+        stages = self.stages([*arguments, "--out", self.work / "whole"], (0, 4))
+        shutil.rmtree(self.work / "whole")
+        for stage in stages:
+            with self.subTest(stage=stage):
+                code, told = self.interrupt([*arguments, "--out", self.work / "out"], stage)
+                if code == 130:
+                    self.assertRegex(told, "(?m)^error: interrupted")
+                    self.assert_nothing_left()
+                    continue
+                self.assertIn(code, (0, 4), told)
+                self.assertEqual("the best route until then" in told, "stopped: flying the best route so far" in told, told)
+                self.assertEqual(self.hedgehop("verify", self.work / "out", "--map", self.map).returncode, 0)
+                shutil.rmtree(self.work / "out")
+
+    def anytime(self, *more):
+        """A search that would go on for minutes, seen until it has begun."""
+        process = subprocess.Popen([HEDGEHOP, "plan", "--map", self.map, "--start", START, "--goal", GOAL, "--out", self.work / "out", "--json",
+                                    "--set", "global.planner=bit_star", "--work", "2000000000", *more], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True, env=self.environment(), cwd=self.work)
+        self.assertIn("planning the route", process.stderr.readline())
+        return process
+
+    def test_plan_that_is_stopped_once_gives_the_best_so_far(self):
+        for wait_s in (3, 10, 30):  # until there is a first route, on a slow machine too
+            process = self.anytime()
+            try:
+                process.wait(timeout=wait_s)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGINT)
+            out, told = process.communicate(timeout=100)
+            if process.returncode != 130:
+                break
+        self.assertEqual(process.returncode, 4, told)
+        found = json.loads(out)
+        self.assertTrue(found["is_stopped"])
+        self.assertRegex(found["warnings"][-1], r"^stopped after \d+ work units")
+        self.assertEqual(self.hedgehop("verify", self.work / "out", "--map", self.map).returncode, 0)
+
+    def test_plan_that_is_stopped_twice_leaves_nothing(self):
+        process = self.anytime()
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        out, told = process.communicate(timeout=100)
+        self.assertEqual(process.returncode, 130, told)
+        self.assertEqual(json.loads(out)["error"]["exit_code"], 130)
+        self.assert_nothing_left()
+
+    def test_evaluation_tells_the_time_to_go_and_when_it_is_stopped_what_it_has(self):
+        area = self.work / "area"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        process = subprocess.Popen([HEDGEHOP, "evaluate", "random", "--map", area, "--problems", "120", "--set", "global.work_budget=60000", "--json"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self.environment(), cwd=self.work)
+        told = []
+        for line in process.stderr:
+            told.append(line)
+            if " to go" in line:
+                self.assertRegex(line, r"^planning drawn problems: \d+ %, (\d+:)?\d+:\d\d to go$")
+                process.send_signal(signal.SIGINT)
+                break
+        out, rest = process.communicate(timeout=100)
+        self.assertEqual(process.returncode, 4, "".join(told) + rest)
+        self.assertIn("stopped early", rest)
+        found = json.loads(out)
+        self.assertTrue(found["is_stopped"])
+        self.assertTrue(1 <= found["drawn"] < 120, found["drawn"])
+        self.assertEqual(len(found["problems"]), found["drawn"])
 
     def test_sigterm_stops_as_ctrl_c_does(self):
         stage = self.stages(self.prepare(self.hgt))[0]
@@ -543,6 +611,143 @@ class Interrupted(CliTest):
                                      "--out", self.work / "out"], stage, signal.SIGTERM)
         self.assertEqual(code, 130, told)
         self.assert_nothing_left()
+
+
+class Talk(CliTest):
+    """What is said while work goes on, to a terminal and to a file."""
+
+    def on_terminal(self, *arguments, **environment):
+        """Everything that a run writes to a terminal of its own."""
+        import pty
+        master, slave = pty.openpty()
+        process = subprocess.Popen([HEDGEHOP, *map(str, arguments)], stdout=subprocess.PIPE, stderr=slave, cwd=self.work,
+                                   env={**self.environment(), "TERM": "xterm", **environment})
+        os.close(slave)
+        told = b""
+        while True:
+            try:
+                piece = os.read(master, 4096)
+            except OSError:  # the other end is closed
+                break
+            if not piece:
+                break
+            told += piece
+        process.stdout.close()
+        process.wait(timeout=100)
+        os.close(master)
+        return told.decode()
+
+    def test_progress_is_one_line_per_ten_percent_and_quiet_is_quiet(self):
+        arguments = self.prepare(self.hgt)
+        told = self.hedgehop(*arguments).stderr
+        percents = [int(number) for number in re.findall(r"(?m)^visibility: (\d+) %", told)]
+        self.assertEqual(percents, sorted(set(percents)))
+        self.assertTrue(all(number % 10 == 0 for number in percents), percents)
+        self.assertIn(100, percents, told)
+        self.assertEqual(self.hedgehop(*arguments, "--overwrite", "--quiet").stderr, "")
+        self.assertRegex(self.hedgehop(*arguments, "--overwrite", "--verbose").stderr, r"(?m)^visibility: took \d+\.\d\d s$")
+
+    def test_a_terminal_gets_a_bar_and_colours_unless_it_wants_none(self):
+        bar = self.on_terminal(*self.prepare(self.hgt))
+        self.assertRegex(bar, r"\rvisibility +\[#+\.*\] +\d+ %")
+        self.assertIn("\033[1;31merror\033[0m: ", self.on_terminal("info", "none"))
+        for quiet in ({"NO_COLOR": "1"}, {"TERM": "dumb"}):
+            self.assertRegex(self.on_terminal("info", "none", **quiet), "(?m)^error: ")
+        self.assertIn("\033[", self.on_terminal("info", "none", NO_COLOR=""))  # empty counts as not there
+
+    def test_dry_run_is_right_within_its_factor_and_writes_nothing(self):
+        arguments = ["prepare", "--dem", self.hgt, "--osm", self.osm, "--bbox", "11.30,49.40,11.70,49.70", "--cell-m", "30", "--out",
+                     self.work / "map", "--json"]
+        before = listing(self.work)
+        told = json.loads(self.hedgehop(*arguments, "--dry-run").stdout)
+        self.assertEqual(listing(self.work), before)
+        import resource
+        began = time.monotonic()
+        result = self.hedgehop(*arguments)
+        took_s = time.monotonic() - began
+        self.assertEqual(result.returncode, 0, result.stderr)
+        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024  # of the largest child, which this one is
+        made = json.loads(result.stdout)
+        self.assertEqual((told["columns"], told["rows"], told["cell_m"]), (made["columns"], made["rows"], made["cell_m"]))
+        disk = sum(path.stat().st_size for path in (self.work / "map").iterdir())
+        for name, found in (("disk_bytes", disk), ("memory_bytes", peak)):
+            self.assertTrue(told[name] / told["factor"] <= found <= told[name] * told["factor"], f"{name}: {told[name]:.0f}, was {found}")
+        # Other tests run beside this one and take their share of the processor.
+        self.assertTrue(told["duration_s"] / told["factor"] <= took_s <= 3.0 * told["duration_s"] * told["factor"],
+                        f"duration_s: {told['duration_s']:.2f}, was {took_s:.2f}")
+
+    def test_origin_of_each_value_is_told(self):
+        mine = self.work / "mine.yaml"
+        mine.write_text("# mine\nweights:\n  semantics: 3.0\nspeed_mps: 35.0\n")
+        result = self.hedgehop("config", "show", "--origin", "--config", mine, "--set", "weights.visibility=7", "--json")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        values = {entry["key"]: entry for entry in json.loads(result.stdout)["values"]}
+        self.assertEqual((values["weights.semantics"]["source"], values["weights.semantics"]["line"]), (str(mine), 3))
+        self.assertEqual((values["speed_mps"]["value"], values["speed_mps"]["line"]), ("35.0", 4))
+        self.assertEqual((values["weights.visibility"]["value"], values["weights.visibility"]["source"]),
+                         ("7", "--set weights.visibility=7"))
+        vehicle = (ROOT / "config" / "vehicles" / "ec135.yaml").read_text().splitlines()
+        place = values["vehicle.name"]
+        self.assertEqual(place["source"], "config/vehicles/ec135.yaml")
+        self.assertTrue(vehicle[place["line"] - 1].startswith("name:"))
+        shipped = (ROOT / "config" / "planning.yaml").read_text().splitlines()
+        for key, entry in values.items():
+            self.assertTrue(entry["source"], key)
+            if entry["source"] == "config/planning.yaml":
+                self.assertIn(key.split(".")[-1] + ":", shipped[entry["line"] - 1])
+        text = self.hedgehop("config", "show", "--origin", "--config", mine).stdout
+        self.assertRegex(text, rf"(?m)^weights.semantics +3.0 +{re.escape(str(mine))}:3$")
+
+
+class ExitCodes(CliTest):
+    """What cannot be done, verb by verb: the exit code, and the same in JSON."""
+
+    TABLE = {
+        "prepare": (["--dem", "none.tif", "--out", "x"], 5),
+        "info": (["none"], 5),
+        "plan": (["--map", "none", "--start", "49.5,11.4", "--goal", "49.6,11.5", "--out", "x"], 5),
+        "verify": (["none", "--map", "none"], 5),
+        "export": (["none", "--format", "kml", "--out", "x"], 5),
+        "report": (["none", "--map", "none"], 5),
+        "evaluate protection": (["--map", "none"], 5),
+        "evaluate table2": (["--map", "none"], 5),
+        "evaluate local-safety": (["--map", "none"], 5),
+        "evaluate optimality": (["--map", "none"], 5),
+        "evaluate local-speed": (["--threads", "0"], 2),
+        "evaluate verifier": (["--map", "none"], 5),
+        "evaluate random": (["--map", "none"], 5),
+        "serve": (["--map", "none"], 5),
+        "request": (["--start", "49.5,11.4", "--goal", "49.6,11.5", "--timeout-s", "1", "--out", "x"], 6),
+        "watch": (["--lcm-url", "nonsense://here"], 2),
+        "log info": (["none"], 5),
+        "log check": (["none"], 5),
+        "log repair": (["none", "--out", "x"], 5),
+        "log cut": (["none", "--out", "x"], 5),
+        "replay": (["none", "--stage", "local"], 5),
+        "config list": (["--threads", "0"], 2),
+        "config show": (["--set", "nothing=1"], 2),
+        "doctor": (["--threads", "0"], 2),
+        "demo": (["--out", "none/x"], 2),
+        "completion": (["tcsh"], 2),
+        "man": (["nothing"], 2),
+    }
+
+    def test_every_verb_of_the_command_tree(self):
+        leaves = [" ".join(verb) for verb, _ in Help.leaves(self)]
+        self.assertEqual(set(leaves), set(self.TABLE), "add new verbs to the table")
+        for verb, (arguments, code) in self.TABLE.items():
+            with self.subTest(verb=verb):
+                result = self.hedgehop(*verb.split(), *arguments, "--json")
+                self.assertEqual(result.returncode, code, result.stderr)
+                self.assertRegex(result.stderr, "(?m)^error: .")
+                found = json.loads(result.stdout)
+                self.assertEqual((found["schema"], found["schema_version"]), ("hedgehop error", 1))
+                self.assertEqual(found["error"]["exit_code"], code)
+                self.assertTrue(found["error"]["what"])
+        self.assert_nothing_left()
+
+    def verbs(self):
+        return Help.verbs(self)
 
 
 class Help(CliTest):
@@ -569,6 +774,8 @@ class Help(CliTest):
                 text = result.stdout
                 self.assertGreaterEqual(len(text.splitlines()[0].split()), 3, "purpose")
                 self.assertRegex(text, r"Examples?:\n")
+                self.assertLessEqual(len(text.splitlines()), 50, "a screen")
+                self.assertLessEqual(max(map(len, text.splitlines())), 100, "a screen")
                 self.assertIn("hedgehop " + " ".join(verb), text.split("Example")[1])
                 self.check_options(text)
                 if "Subcommands:" in text:
@@ -735,8 +942,21 @@ class Json(CliTest):
         self.assertIn(result.returncode, allowed, result.stderr)
         found = json.loads(result.stdout)
         self.assertIsInstance(found, dict)
-        self.assertEqual(found["schema_version"], schema_version)
+        self.assertEqual((found["schema"], found["schema_version"]), (self.schema_of(arguments), schema_version))
         return found
+
+    @staticmethod
+    def schema_of(arguments):
+        """Name of what a verb says with --json, by the words of the command line."""
+        words = [str(argument) for argument in arguments]
+        name = " ".join(words[:2]) if words[0] in ("evaluate", "log", "config") else words[0]
+        special = {"plan": "plan result", "request": "plan result", "info": "place" if "--at" in words else "map",
+                   "log repair": "log written", "log cut": "log written", "man": "man page" if len(words) > 1 and words[1] != "--out" else "man pages"}
+        if name == "config show" and "--origin" in words:
+            return "hedgehop config origin"
+        if name == "prepare" and "--dry-run" in words:
+            return "hedgehop prepare estimate"
+        return "hedgehop " + special.get(name, name)
 
     def test_prepare(self):
         found = self.one_object(*self.prepare(INPUTS / "N49E011.hgt.zip", "--osm", self.osm))

@@ -216,6 +216,29 @@ class StoppingObserver final : public Observer {
   std::atomic<bool> is_stopped{false};
 };
 
+TEST(EvaluateRandom, KeepsTheProblemsThatWereFinishedWhenItIsStopped) {
+  const map::Map map = two_halves();
+  StoppingObserver observer;
+  std::atomic<int> planned{0};
+  const RandomResult result = evaluate_random(
+      map, shipped_planning(), test_options(50), 7,
+      [&](const map::Map& on, const flight::PlanRequest&, const planning::PlanningConfig& with,
+          Observer&) {
+        observer.is_stopped = ++planned > 60;  // of 100
+        return fake_plan(on, with, 20.0);
+      },
+      {}, observer);
+  EXPECT_TRUE(result.is_stopped);
+  // At most 60 runs count, two for each problem.
+  EXPECT_GE(result.problems.size(), 1U);
+  EXPECT_LE(result.problems.size(), 30U);
+  for (const ProblemResult& problem : result.problems) {
+    EXPECT_EQ(problem.with_weights.outcome, Outcome::kVerified);
+    EXPECT_EQ(problem.baseline.outcome, Outcome::kVerified);
+  }
+  EXPECT_EQ(result.verified, static_cast<std::int64_t>(result.problems.size()));
+}
+
 TEST(EvaluateRandom, EndsWhenAskedToAndPassesTheWishOn) {
   const map::Map map = two_halves();
   StoppingObserver observer;
