@@ -295,7 +295,8 @@ ExitCode tell(const Console& console, PatchTalk& talk, const messages::MapPatch&
   const messages::MapPatch numbered = talk.tell(message);
   const messages::MapPatchState& state = talk.state();
   if (console.is_json) {
-    ordered_json json = {{"schema_version", 1},
+    ordered_json json = {{"schema", "hedgehop patch change"},
+                         {"schema_version", 1},
                          {"base_map_hash", state.base_map_hash.hex()},
                          {"map_hash", state.map_hash.hex()}};
     json.update(json_of(numbered));
@@ -361,7 +362,8 @@ ExitCode list(const Console& console, const PatchArguments& arguments) {
   const auto patches = talk.list();
   const messages::MapPatchState& state = talk.state();
   if (console.is_json) {
-    ordered_json json = {{"schema_version", 1},
+    ordered_json json = {{"schema", "hedgehop patch list"},
+                         {"schema_version", 1},
                          {"base_map_hash", state.base_map_hash.hex()},
                          {"map_hash", state.map_hash.hex()},
                          {"patch_number", state.patch_number},
@@ -391,7 +393,8 @@ ExitCode fetch_map(const Console& console, const PatchArguments& arguments) {
   map::write_map_bundle(*map, provenance.dump(), folder.path(), observer.get());
   folder.commit();
   if (console.is_json) {
-    ordered_json json = {{"schema_version", 1}, {"map", arguments.out}};
+    ordered_json json = {
+        {"schema", "hedgehop patch map"}, {"schema_version", 1}, {"map", arguments.out}};
     json["map_hash"] = map->hash.hex();
     json.update(provenance);
     print(json);

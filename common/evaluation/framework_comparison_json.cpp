@@ -122,6 +122,7 @@ std::optional<FrameworkProblem> framework_problem_of(const Json& json, std::int6
 std::string framework_result_json(const FrameworkResult& result, const MachineRecord& machine) {
   const FrameworkOptions& options = result.options;
   Json json;
+  json["schema"] = "hedgehop evaluate table3";
   json["schema_version"] = 1;
   json["seed"] = result.seed;
   json["map"] = {{"hash", result.map_hash}, {"label", result.map_label}};

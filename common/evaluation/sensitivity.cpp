@@ -171,6 +171,7 @@ SensitivityResult evaluate_sensitivity(const map::Map& map, const PlanningConfig
 
 std::string sensitivity_result_json(const SensitivityResult& result, const MachineRecord& machine) {
   Json json;
+  json["schema"] = "hedgehop evaluate sensitivity";
   json["schema_version"] = 1;
   json["seed"] = result.seed;
   json["map"] = {{"hash", result.map_hash}, {"label", result.map_label}};

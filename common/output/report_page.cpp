@@ -142,7 +142,8 @@ class Page {
 
   [[nodiscard]] std::string header() const {
     const flight::Verdict& verdict = c_.check.verdict;
-    std::string html = "<header>\n<h1>" + title() + " ";
+    std::string html =
+        "<header>\n<h1>Contour flight, " + fixed_text(plan_.measures.length_m / 1000.0, 1) + " km ";
     html += verdict.is_verified ? "<span class=\"verdict\">verified</span>"
                                 : "<span class=\"verdict bad\">NOT VERIFIED</span>";
     html += "</h1>\n";

@@ -40,7 +40,11 @@ std::variant<flight::RoutePlan, flight::NoPlan> straight_route(
   return flight::RoutePlan{flight::plan_request_id(request, map.hash, config.text),
                            request,
                            config.text,
-                           {map.hash, map.crs_wkt, map.vertical_datum, map.label, map.attributions},
+                           {.hash = map.hash,
+                            .crs_wkt = map.crs_wkt,
+                            .vertical_datum = map.vertical_datum,
+                            .label = map.label,
+                            .attributions = map.attributions},
                            route.waypoints.front(),
                            route.waypoints.back(),
                            route};

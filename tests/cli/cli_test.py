@@ -724,6 +724,14 @@ class ExitCodes(CliTest):
         "log repair": (["none", "--out", "x"], 5),
         "log cut": (["none", "--out", "x"], 5),
         "replay": (["none", "--stage", "local"], 5),
+        "evaluate table3": (["--map", "none"], 5),
+        "evaluate sensitivity": (["--map", "none"], 5),
+        "patch add obstacle": (["--at", "49.5,11.4", "--radius-m", "-1", "--height-m", "5"], 2),
+        "patch add threat": (["--at", "49.5,11.4", "--range-m", "-1", "--mast-height-m", "5"], 2),
+        "patch add area": (["--corner", "49.5,11.4"], 2),
+        "patch remove": (["nonsense"], 2),
+        "patch list": (["--timeout-s", "-1"], 2),
+        "patch map": (["--timeout-s", "-1", "--out", "x"], 2),
         "config list": (["--threads", "0"], 2),
         "config show": (["--set", "nothing=1"], 2),
         "doctor": (["--threads", "0"], 2),
@@ -1433,12 +1441,13 @@ echo "$serve $request $watch"
                              (self.work / "in_one_process" / name).read_bytes(), name)
         answer = json.loads((self.work / "request.json").read_text())
         self.assertEqual({**answer, "plan": ""}, {**json.loads(planned.stdout), "plan": ""})
-        self.assertEqual(json.loads((self.work / "serve.json").read_text())["schema_version"], 1)
+        served = json.loads((self.work / "serve.json").read_text())
+        self.assertEqual((served["schema"], served["schema_version"]), ("hedgehop serve", 1))
         lines = (self.work / "watch.json").read_text().splitlines()
         self.assertTrue(lines)
         for line in lines:
-            self.assertEqual(json.loads(line)["schema_version"], 1)
-        self.assertEqual(answer["schema_version"], 1)
+            self.assertEqual((json.loads(line)["schema"], json.loads(line)["schema_version"]), ("hedgehop watch", 1))
+        self.assertEqual((answer["schema"], answer["schema_version"]), ("hedgehop plan result", 1))
 
         info = self.hedgehop("log", "info", log, "--json")
         self.assertEqual(info.returncode, 0, info.stderr)

@@ -29,6 +29,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "cli"))
 sys.dont_write_bytecode = True
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))]
+# Written by scripts that run the commands on them: scripts/gallery, scripts/reproduce_paper.
+MADE_BY_SCRIPTS = ["docs/gallery/README.md", "docs/results.md"]
 COMMAND = re.compile(r"^(\$ |\w+\$ )?(\./)?(scripts/\w|hedgehop(-[a-z-]+)? |cmake |ctest |git clone|lcm-\w+ |export |build/)")
 LABELS = re.compile(r"^<!-- (build|output|bus|exit code any|not run: .{15,}) -->$")
 
@@ -209,13 +211,18 @@ def literals():
     return "\0".join(texts)
 
 
+def sources():
+    return "".join(path.read_text(encoding="utf-8") for folder in ("common", "cli", "services")
+                   for path in sorted((ROOT / folder).rglob("*.cpp")))
+
+
 def check():
     problems = []
     for page in PAGES:
         text = (ROOT / page).read_text(encoding="utf-8")
         for block in blocks_of(page):
             commands = [line for line in block.lines if COMMAND.match(line)]
-            if commands and block.language not in ("sh",) and "output" not in block.label:
+            if commands and page not in MADE_BY_SCRIPTS and block.language not in ("sh", "text") and "output" not in block.label:
                 problems.append(f"{block}: '{commands[0]}' is a command, but its block is not fenced as sh, so nobody runs it")
             if block.label and not LABELS.match(block.label) and "needs:" not in block.label:
                 problems.append(f"{block}: nobody knows the label {block.label}")
@@ -238,6 +245,12 @@ def check():
         for part in parts or [message]:
             if part not in said:
                 problems.append(f"docs/troubleshooting.md: no part of the program says '{part}'")
+    # docs/json.md names every schema; groups of like ones are named by one of them.
+    page = (ROOT / "docs" / "json.md").read_text(encoding="utf-8")
+    alike = {"hedgehop replay", "hedgehop serve", "hedgehop doctor", "hedgehop demo", "hedgehop timings"}
+    for schema in sorted(set(re.findall(r'"schema"(?:, |\] = )"(hedgehop [a-z0-9 -]+)"', sources()))):
+        if f"`{schema}`" not in page and schema not in alike and not schema.startswith("hedgehop evaluate "):
+            problems.append(f"docs/json.md does not name the schema '{schema}'")
     for problem in problems:
         print(problem)
     print(f"{len(PAGES)} pages, {len(quoted)} messages, {len(problems)} problems")
@@ -252,7 +265,7 @@ def main():
     parser.add_argument("page", nargs="?")
     arguments = parser.parse_args()
     if arguments.list:
-        print("\n".join(page for page in PAGES if any(block.language == "sh" and "not run" not in block.label for block in blocks_of(page))))
+        print("\n".join(page for page in PAGES if page not in MADE_BY_SCRIPTS and any(block.language == "sh" and "not run" not in block.label for block in blocks_of(page))))
         return 0
     if arguments.check:
         return check()

@@ -106,7 +106,7 @@ TEST_F(Report, TextFromFilesIsNeverMarkup) {
   EXPECT_THAT(page_, Not(HasSubstr("alert('x')")));
   EXPECT_THAT(page_, Not(HasSubstr("<b>dem")));
   EXPECT_THAT(page_, HasSubstr("&lt;b&gt;dem&lt;/b&gt;.tif"));
-  // Label (in title and heading), attribution twice, area, warning, config, rule, obstacle, wire,
+  // Label (in title and page), attribution twice, area, warning, config, rule, obstacle, wire,
   // layer and table of the observer, drawing and table of the alternative.
   EXPECT_GE(count_of(page_, "&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt;"), 13);
 }
