@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/shipped_config.hpp"
+#include "planning/config_origins.hpp"
 #include "planning/planning.hpp"
 #include "verbs.hpp"
 

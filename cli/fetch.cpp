@@ -83,6 +83,7 @@ std::string prepare_command(const FetchArguments& arguments, const fetch::FetchR
 void print_json(const FetchArguments& arguments, const fetch::FetchRequest& request,
                 const fetch::FetchReport& report) {
   nlohmann::ordered_json json;
+  json["schema"] = "hedgehop fetch";
   json["schema_version"] = 1;
   json["out"] = arguments.out;
   json["is_complete"] = report.is_complete();

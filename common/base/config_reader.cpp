@@ -7,6 +7,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "base/angles.hpp"
+#include "base/config_entries.hpp"
 #include "base/errors.hpp"
 #include "base/files.hpp"
 

@@ -88,15 +88,6 @@ std::string with_config_section(std::string_view text, const std::string& name,
 /// The document in a canonical form: comments and layout gone, order of keys kept.
 std::string canonical_config(std::string_view text, const std::string& name);
 
-/// A value of a document: "weights.visibility", "25.0" and its line from 1. Lists are one value.
-struct ConfigEntry {
-  std::string key;
-  std::string value;
-  int line = 0;
-};
-/// All of them, in the order of the document.
-std::vector<ConfigEntry> config_entries(std::string_view text, const std::string& name);
-
 /// The known word nearest to `word` (edit distance at most a third of its length), if any.
 std::optional<std::string> nearest_word(std::string_view word,
                                         const std::vector<std::string>& known);

@@ -1,8 +1,10 @@
 #include <filesystem>
 
+#include "base/config_entries.hpp"
 #include "base/config_reader.hpp"
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
+#include "planning/config_origins.hpp"
 #include "planning/planning.hpp"
 
 namespace hedgehop::planning {

@@ -704,6 +704,7 @@ class ExitCodes(CliTest):
 
     TABLE = {
         "prepare": (["--dem", "none.tif", "--out", "x"], 5),
+        "fetch": (["--bbox", "1,2,3,4"], 2),
         "info": (["none"], 5),
         "plan": (["--map", "none", "--start", "49.5,11.4", "--goal", "49.6,11.5", "--out", "x"], 5),
         "verify": (["none", "--map", "none"], 5),
