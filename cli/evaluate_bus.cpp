@@ -413,6 +413,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   chain.stop();
 
   ordered_json json = {
+      {"schema", "hedgehop evaluate bus"},
       {"schema_version", 1},
       {"seed", seed},
       {"map",

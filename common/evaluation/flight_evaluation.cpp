@@ -166,7 +166,8 @@ FlightResult evaluate_flight(const map::Map& map, const planning::PlanningConfig
 }
 
 std::string flight_result_json(const FlightResult& result) {
-  Json json = {{"schema_version", 1},
+  Json json = {{"schema", "hedgehop evaluate flight"},
+               {"schema_version", 1},
                {"seed", result.seed},
                {"problems", result.problems},
                {"plans", result.plans},

@@ -726,6 +726,8 @@ class ExitCodes(CliTest):
         "log cut": (["none", "--out", "x"], 5),
         "replay": (["none", "--stage", "local"], 5),
         "evaluate table3": (["--map", "none"], 5),
+        "evaluate flight": (["--map", "none"], 5),
+        "evaluate bus": (["--threads", "0"], 2),
         "evaluate sensitivity": (["--map", "none"], 5),
         "patch add obstacle": (["--at", "49.5,11.4", "--radius-m", "-1", "--height-m", "5"], 2),
         "patch add threat": (["--at", "49.5,11.4", "--range-m", "-1", "--mast-height-m", "5"], 2),
