@@ -731,7 +731,7 @@ class ExitCodes(CliTest):
         "evaluate sensitivity": (["--map", "none"], 5),
         "patch add obstacle": (["--at", "49.5,11.4", "--radius-m", "-1", "--height-m", "5"], 2),
         "patch add threat": (["--at", "49.5,11.4", "--range-m", "-1", "--mast-height-m", "5"], 2),
-        "patch add area": (["--corner", "49.5,11.4"], 2),
+        "patch add area": (["--corner", "49.5,11.4", "--timeout-s", "-1"], 2),
         "patch remove": (["nonsense"], 2),
         "patch list": (["--timeout-s", "-1"], 2),
         "patch map": (["--timeout-s", "-1", "--out", "x"], 2),
