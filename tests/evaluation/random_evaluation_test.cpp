@@ -221,7 +221,7 @@ TEST(EvaluateRandom, KeepsTheProblemsThatWereFinishedWhenItIsStopped) {
   StoppingObserver observer;
   std::atomic<int> planned{0};
   const RandomResult result = evaluate_random(
-      map, shipped_planning(), test_options(50), 7,
+      map, test::shipped_planning(), test_options(50), 7,
       [&](const map::Map& on, const flight::PlanRequest&, const planning::PlanningConfig& with,
           Observer&) {
         observer.is_stopped = ++planned > 60;  // of 100
