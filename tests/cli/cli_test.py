@@ -967,6 +967,8 @@ class Json(CliTest):
             return "hedgehop config origin"
         if name == "prepare" and "--dry-run" in words:
             return "hedgehop prepare estimate"
+        if name == "verify" and words[1].endswith((".plan", ".waypoints")):
+            return "hedgehop verify legs"
         return "hedgehop " + special.get(name, name)
 
     def test_prepare(self):
@@ -1192,11 +1194,14 @@ class Json(CliTest):
         times = [file.stat().st_mtime_ns for file in kept]
         safety = self.one_object("evaluate", "local-safety", "--flights", "1", *common)
         self.assertEqual([file.stat().st_mtime_ns for file in kept], times, "the same routes, not planned again")
-        self.assertEqual([row["towers"] for row in safety["rows"]], [False, False, True, True])
+        self.assertEqual([(row["planner"], row["towers"]) for row in safety["rows"]],
+                         [(planner, towers) for towers in (False, True)
+                          for planner in ("tvfh", "rollout", "vfh_3d", "shipped")])
         for row in safety["rows"]:
             self.assertEqual((row["flights"], row["seed"]), (1, 5))
             self.assertLessEqual(row["collisions"], row["reached"])
-        self.assertLess(safety["rows"][1]["mean_height_m"], safety["rows"][0]["mean_height_m"])
+        self.assertLess(safety["rows"][3]["mean_height_m"], safety["rows"][0]["mean_height_m"])
+
     def test_plan_within_a_risk(self):
         errors = ("--dem-error-m", "3", "--error-seed", "7")
         plan = self.one_object(*self.plan_arguments("--violation-probability", "0.1", *errors), allowed=(0, 4))
