@@ -353,8 +353,8 @@ class FetchTest(unittest.TestCase):
 
     def test_the_example_of_the_documents_names_the_files_that_it_prepares(self):
         text = (pathlib.Path(__file__).resolve().parents[2] / "docs/fetch.md").read_text()
-        command = next(line.split() for line in text.splitlines() if line.startswith("    hedgehop fetch"))
-        prepare = next(line for line in text.splitlines() if line.startswith("    hedgehop prepare"))
+        command = next(line.split() for line in text.splitlines() if line.startswith("hedgehop fetch"))
+        prepare = next(line for line in text.splitlines() if line.startswith("hedgehop prepare"))
         said = subprocess.run([HEDGEHOP, *command[1:], "--dry-run"], capture_output=True, text=True, cwd=self.scratch, timeout=60)
         self.assertEqual(said.returncode, 0, said.stderr)
         urls = [line.split()[2] for line in said.stdout.splitlines() if line.startswith("to fetch")]
