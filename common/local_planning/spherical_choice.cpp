@@ -12,6 +12,8 @@ namespace hedgehop::local_planning {
 
 namespace {
 
+constexpr double kRounding = 1e-9;  // of costs, radians times weights
+
 double half_sine_square(double difference_rad) {
   const double sine = elementary::sin(0.5 * difference_rad);
   return sine * sine;
@@ -29,6 +31,16 @@ struct Climb {
   double tangent = 0.0;
   std::array<double, 3> half_squares{};
   std::array<double, 3> cosines{};
+};
+
+// A sector that may be flown into.
+struct Azimuth {
+  int sector = 0;
+  double azimuth_rad = 0.0;
+  double needed = 0.0;  // tangent of the climb
+  double extra = 0.0;   // cost of its risk
+  double least = 0.0;   // no candidate costs less
+  std::array<double, 3> half_squares{};
 };
 
 }  // namespace
@@ -75,36 +87,61 @@ std::optional<SphericalDirection> cheapest_spherical(
     }
   }
 
-  std::optional<SphericalDirection> chosen;
-  double best = std::numeric_limits<double>::infinity();
+  std::array<double, 3> least_cosines{1.0, 1.0, 1.0};
+  for (const Climb& climb : climbs) {
+    for (std::size_t i = 0; i < references.size(); ++i) {
+      least_cosines[i] = std::min(least_cosines[i], climb.cosines[i]);
+    }
+  }
+
+  // Sectors by the least that any of their candidates can cost; most need no closer look.
+  std::vector<Azimuth> azimuths;
   for (int k = 0; k < sectors.count(); ++k) {
     const auto at = static_cast<std::size_t>(k);
-    const double needed = static_cast<double>(histogram.tan_masked[at]);
-    if (needed > question.tangent_max) {
+    Azimuth azimuth;
+    azimuth.sector = k;
+    azimuth.needed = static_cast<double>(histogram.tan_masked[at]);
+    if (azimuth.needed > question.tangent_max) {
       continue;
     }
-    const double azimuth_rad = wrap_to_pi(sectors.centre_rad(k));
-    double extra = 0.0;
+    azimuth.azimuth_rad = wrap_to_pi(sectors.centre_rad(k));
     if (question.polar_share > 0.0 && histogram.risk_weight[at] > 0.0F) {
-      const double off_rad = std::fabs(wrap_to_pi(azimuth_rad - question.heading_math_rad));
-      extra = question.polar_share * (static_cast<double>(histogram.risk[at]) - mean_risk) /
-              (off_rad * off_rad * off_rad + polar_offset_rad3);
+      const double off_rad = std::fabs(wrap_to_pi(azimuth.azimuth_rad - question.heading_math_rad));
+      azimuth.extra = question.polar_share * (static_cast<double>(histogram.risk[at]) - mean_risk) /
+                      (off_rad * off_rad * off_rad + polar_offset_rad3);
     }
-    std::array<double, 3> half_squares{};
+    azimuth.least = azimuth.extra - kRounding;
     for (std::size_t i = 0; i < references.size(); ++i) {
-      half_squares[i] = half_sine_square(azimuth_rad - references[i].azimuth_math_rad);
+      azimuth.half_squares[i] =
+          half_sine_square(azimuth.azimuth_rad - references[i].azimuth_math_rad);
+      azimuth.least += weights[i] * apart_rad(azimuth.half_squares[i], 0.0, least_cosines[i]);
+    }
+    azimuths.push_back(azimuth);
+  }
+  std::sort(azimuths.begin(), azimuths.end(), [](const Azimuth& a, const Azimuth& b) {
+    return a.least != b.least ? a.least < b.least : a.sector < b.sector;
+  });
+
+  std::optional<SphericalDirection> chosen;
+  double best = std::numeric_limits<double>::infinity();
+  int best_sector = sectors.count();
+  for (const Azimuth& azimuth : azimuths) {
+    if (azimuth.least > best) {
+      break;
     }
     for (const Climb& climb : climbs) {
-      if (climb.tangent < needed) {
+      if (climb.tangent < azimuth.needed) {
         continue;
       }
-      double cost = extra;
+      double cost = azimuth.extra;
       for (std::size_t i = 0; i < references.size(); ++i) {
-        cost += weights[i] * apart_rad(half_squares[i], climb.half_squares[i], climb.cosines[i]);
+        cost += weights[i] *
+                apart_rad(azimuth.half_squares[i], climb.half_squares[i], climb.cosines[i]);
       }
-      if (cost < best) {
+      if (cost < best || (cost == best && azimuth.sector < best_sector)) {
         best = cost;
-        chosen = SphericalDirection{azimuth_rad, climb.elevation_rad};
+        best_sector = azimuth.sector;
+        chosen = SphericalDirection{azimuth.azimuth_rad, climb.elevation_rad};
       }
     }
   }
