@@ -295,13 +295,19 @@ class Page:
         rows = []
         for region, record in found:
             result = record["result"]
-            rows.append([region, result["simd"], number(result["cpu_s_per_million_cells"]),
+            rows.append([region, result["simd"], f"{number(result['cpu_s_per_million_cells'])} "
+                         f"({number(result['one_thread_cpu_s_per_million_cells'])} with one thread)",
                          number(result["error"]["mean_abs"], 4), number(result["error"]["p95_abs"], 4),
                          number(result["error"]["max_abs"], 4), number(result["gdal"]["cpu_s_per_million_cells"], 0),
                          number(result["gdal"]["mean_abs_error"], 4)])
             self.below("visibility in at most 1.2 processor seconds per million cells", region,
                        result["cpu_s_per_million_cells"], 1.2, number(result["cpu_s_per_million_cells"]),
                        "the goal was set on another, faster processor")
+            self.below("visibility error, mean at most 0.001", region, result["error"]["mean_abs"], 0.001,
+                       number(result["error"]["mean_abs"], 4))
+            self.below("visibility error, greatest of the drawn cells at most 0.005", region,
+                       result["error"]["max_abs"], 0.005, number(result["error"]["max_abs"], 4),
+                       "what remains lies between the rays")
             self.below("visibility error, 95 % of the cells at most 0.002", region, result["error"]["p95_abs"], 0.002,
                        number(result["error"]["p95_abs"], 4), "what remains lies between the rays")
         self.say(table(["region", "instructions", "s per million cells", "mean error", "95 %", "greatest",
