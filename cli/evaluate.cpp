@@ -54,8 +54,7 @@ struct EvaluationConfig {
 };
 
 EvaluationConfig evaluation_config() {
-  ConfigReader reader =
-      ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+  ConfigReader reader = shipped_evaluation();
   EvaluationConfig config;
   ConfigReader random = reader.required_section("random");
   config.random = evaluation::read_random_options(random);

@@ -16,7 +16,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "base/shipped_config.hpp"
 #include "bus/map_exchange.hpp"
 #include "bus/private_url.hpp"
 #include "evaluation/flight_evaluation.hpp"
@@ -311,8 +310,7 @@ std::string reason_against_loss() {
 }
 
 evaluation::BusOptions options_of(const Arguments& arguments) {
-  ConfigReader reader =
-      ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+  ConfigReader reader = shipped_evaluation();
   ConfigReader bus = reader.required_section("bus");
   evaluation::BusOptions options = evaluation::read_bus_options(bus);
   if (arguments.distance_m > 0.0) {

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <memory>
 
-#include "base/shipped_config.hpp"
 #include "evaluation/framework_comparison.hpp"
 #include "evaluation/sensitivity.hpp"
 #include "evaluation_arguments.hpp"
@@ -36,10 +35,6 @@ FrameworkConfig config_from(ConfigReader& reader) {
   ConfigReader sensitivity = reader.required_section("sensitivity");
   config.sensitivity = evaluation::read_sensitivity_options(sensitivity);
   return config;
-}
-
-ConfigReader shipped() {
-  return ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
 }
 
 void print_change(const char* name, const evaluation::PairedChange& change, const char* paper) {
@@ -82,7 +77,7 @@ void print(const evaluation::FrameworkResult& result) {
 }
 
 ExitCode run_table3(const Console& console, const FrameworkArguments& arguments) {
-  ConfigReader reader = shipped();
+  ConfigReader reader = shipped_evaluation();
   evaluation::FrameworkOptions options = config_from(reader).table3;
   if (arguments.runs > 0) {
     options.runs = arguments.runs;
@@ -109,7 +104,7 @@ double change_percent(const std::optional<evaluation::PairedChange>& change) {
 }
 
 ExitCode run_sensitivity(const Console& console, const FrameworkArguments& arguments) {
-  ConfigReader reader = shipped();
+  ConfigReader reader = shipped_evaluation();
   ConfigReader routes = reader.required_section("routes");
   const evaluation::DrawingRules rules = evaluation::read_route_rules(routes);
   evaluation::SensitivityOptions options = config_from(reader).sensitivity;
@@ -130,12 +125,8 @@ ExitCode run_sensitivity(const Console& console, const FrameworkArguments& argum
   const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = map::read_map_bundle(arguments.map);
   const auto observer = console.observer();
-  const auto plan = [](const map::Map& on, const flight::PlanRequest& request,
-                       const planning::PlanningConfig& with, Observer& watcher) {
-    return planning::plan_route(on, request, with, {}, watcher);
-  };
   const evaluation::SensitivityResult result = evaluation::evaluate_sensitivity(
-      map, config, options, rules, seed, arguments.folder, plan, *observer);
+      map, config, options, rules, seed, arguments.folder, planned_route, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::sensitivity_result_json(result, this_machine()).c_str());
     return ExitCode::kOk;

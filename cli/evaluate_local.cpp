@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <memory>
 
-#include "base/shipped_config.hpp"
 #include "evaluation/local_flights.hpp"
 #include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
@@ -37,9 +36,8 @@ LocalEvaluationConfig config_from(ConfigReader& reader) {
   return config;
 }
 
-LocalEvaluationConfig shipped_evaluation() {
-  ConfigReader reader =
-      ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+LocalEvaluationConfig shipped() {
+  ConfigReader reader = shipped_evaluation();
   return config_from(reader);
 }
 
@@ -47,12 +45,8 @@ evaluation::DrawnRoutes routes_of(const map::Map& map, const planning::PlanningC
                                   const evaluation::DrawingRules& rules, std::int64_t count,
                                   std::uint64_t seed, const LocalArguments& arguments,
                                   Observer& observer) {
-  const auto plan = [](const map::Map& on, const flight::PlanRequest& request,
-                       const planning::PlanningConfig& with, Observer& watcher) {
-    return planning::plan_route(on, request, with, {}, watcher);
-  };
-  return evaluation::draw_routes(map, config, rules, count, seed, arguments.routes_folder, plan,
-                                 observer);
+  return evaluation::draw_routes(map, config, rules, count, seed, arguments.routes_folder,
+                                 planned_route, observer);
 }
 
 void print_change(const char* name, const evaluation::PairedChange& change, const char* paper) {
@@ -62,7 +56,7 @@ void print_change(const char* name, const evaluation::PairedChange& change, cons
 }
 
 ExitCode run_table2(const Console& console, const LocalArguments& arguments) {
-  LocalEvaluationConfig options = shipped_evaluation();
+  LocalEvaluationConfig options = shipped();
   if (arguments.flights > 0) {
     options.table2.runs = arguments.flights;
   }
@@ -101,7 +95,7 @@ ExitCode run_table2(const Console& console, const LocalArguments& arguments) {
 }
 
 ExitCode run_local_safety(const Console& console, const LocalArguments& arguments) {
-  LocalEvaluationConfig options = shipped_evaluation();
+  LocalEvaluationConfig options = shipped();
   if (arguments.flights > 0) {
     options.safety.flights = arguments.flights;
   }

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <memory>
 
-#include "base/shipped_config.hpp"
 #include "evaluation/contestants.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation_arguments.hpp"
@@ -55,8 +54,7 @@ void print(const evaluation::OptimalityResult& result) {
 }
 
 ExitCode run(const Console& console, const Arguments& arguments) {
-  ConfigReader reader =
-      ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+  ConfigReader reader = shipped_evaluation();
   ConfigReader section = reader.required_section("optimality");
   const evaluation::OptimalityConfig shipped = evaluation::read_optimality_config(section);
   evaluation::OptimalityOptions options = shipped.options;

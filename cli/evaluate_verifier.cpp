@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <memory>
 
-#include "base/shipped_config.hpp"
 #include "evaluation/verifier_evaluation.hpp"
 #include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
@@ -49,8 +48,7 @@ void print(const evaluation::VerifierResult& result) {
 }
 
 ExitCode run(const Console& console, const Arguments& arguments) {
-  ConfigReader reader =
-      ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+  ConfigReader reader = shipped_evaluation();
   ConfigReader section = reader.required_section("verifier");
   evaluation::VerifierOptions options = evaluation::read_verifier_options(section);
   if (arguments.plans > 0) {

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <random>
 
+#include "base/shipped_config.hpp"
 #include "hedgehop_version.hpp"
 #include "preparation/visibility.hpp"
 
@@ -41,6 +42,16 @@ std::uint64_t SeedArgument::value(const Console& console) const {
   const std::uint64_t seed = given ? *given : std::random_device{}();
   console.say("seed " + std::to_string(seed));
   return seed;
+}
+
+ConfigReader shipped_evaluation() {
+  return ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+}
+
+std::variant<flight::RoutePlan, flight::NoPlan> planned_route(
+    const map::Map& map, const flight::PlanRequest& request, const planning::PlanningConfig& config,
+    Observer& observer) {
+  return planning::plan_route(map, request, config, {}, observer);
 }
 
 evaluation::MachineRecord this_machine() {

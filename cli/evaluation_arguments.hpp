@@ -3,8 +3,10 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "base/config_reader.hpp"
 #include "console.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "planning/planning.hpp"
@@ -29,6 +31,14 @@ struct SeedArgument {
   /// The one given, or a fresh one; told on stderr either way.
   [[nodiscard]] std::uint64_t value(const Console& console) const;
 };
+
+/// The shipped evaluation.yaml.
+ConfigReader shipped_evaluation();
+
+/// planning::plan_route() without progress, for evaluation::draw_routes().
+std::variant<flight::RoutePlan, flight::NoPlan> planned_route(
+    const map::Map& map, const flight::PlanRequest& request, const planning::PlanningConfig& config,
+    Observer& observer);
 
 /// Processor, instruction set and version of this program, for the record.
 evaluation::MachineRecord this_machine();

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/files.hpp"
-#include "base/shipped_config.hpp"
+#include "effective_config.hpp"
 #include "map/map_bundle.hpp"
 #include "output/exports.hpp"
 #include "output/plan_bundle.hpp"
@@ -96,15 +96,7 @@ void write_all(const std::vector<fs::path>& targets,
 }
 
 output::ExportOptions options_of(const ExportArguments& arguments) {
-  std::string text(shipped_config("export.yaml"));
-  if (!arguments.config_file.empty()) {
-    text = overlay_config(text, "export.yaml", read_file(arguments.config_file),
-                          arguments.config_file);
-  }
-  for (const std::string& setting : arguments.settings) {
-    text = set_config_value(text, setting);
-  }
-  ConfigReader reader = ConfigReader::from_text(text, "effective configuration");
+  ConfigReader reader = effective_config("export.yaml", arguments.config_file, arguments.settings);
   return output::read_export_options(reader);
 }
 

@@ -9,7 +9,7 @@
 #include "base/angles.hpp"
 #include "base/config_reader.hpp"
 #include "base/files.hpp"
-#include "base/shipped_config.hpp"
+#include "effective_config.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -24,16 +24,7 @@ struct FetchArguments {
 };
 
 fetch::FetchOptions options_of(const FetchArguments& arguments) {
-  constexpr char kShipped[] = "config/fetch.yaml";
-  std::string text(shipped_config("fetch.yaml"));
-  if (!arguments.config_file.empty()) {
-    text = overlay_config(text, kShipped, read_file(arguments.config_file), arguments.config_file);
-  }
-  for (const std::string& setting : arguments.settings) {
-    text = set_config_value(text, setting);
-  }
-  ConfigReader reader = ConfigReader::from_text(
-      text, arguments.config_file.empty() ? kShipped : "effective configuration");
+  ConfigReader reader = effective_config("fetch.yaml", arguments.config_file, arguments.settings);
   return fetch::FetchOptions::read(reader);
 }
 

@@ -14,6 +14,7 @@
 #include "base/angles.hpp"
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
+#include "effective_config.hpp"
 #include "map/map_bundle.hpp"
 #include "map/source_layer.hpp"
 #include "plan_result.hpp"
@@ -33,16 +34,7 @@ struct PrepareArguments {
 };
 
 preparation::PrepareOptions options_of(const PrepareArguments& arguments) {
-  constexpr char kShipped[] = "config/prepare.yaml";
-  std::string text(shipped_config("prepare.yaml"));
-  if (!arguments.config_file.empty()) {
-    text = overlay_config(text, kShipped, read_file(arguments.config_file), arguments.config_file);
-  }
-  for (const std::string& setting : arguments.settings) {
-    text = set_config_value(text, setting);
-  }
-  ConfigReader reader = ConfigReader::from_text(
-      text, arguments.config_file.empty() ? kShipped : "effective configuration");
+  ConfigReader reader = effective_config("prepare.yaml", arguments.config_file, arguments.settings);
   return preparation::PrepareOptions::read(reader);
 }
 

@@ -9,7 +9,7 @@
 #include "base/angles.hpp"
 #include "base/config_reader.hpp"
 #include "base/files.hpp"
-#include "base/shipped_config.hpp"
+#include "effective_config.hpp"
 #include "map/map_bundle.hpp"
 #include "output/figures.hpp"
 #include "output/plan_bundle.hpp"
@@ -35,14 +35,7 @@ struct Options {
 };
 
 Options options_of(const ReportRequest& request) {
-  std::string text(shipped_config("report.yaml"));
-  if (!request.config_file.empty()) {
-    text = overlay_config(text, "report.yaml", read_file(request.config_file), request.config_file);
-  }
-  for (const std::string& setting : request.settings) {
-    text = set_config_value(text, setting);
-  }
-  ConfigReader reader = ConfigReader::from_text(text, "effective configuration");
+  ConfigReader reader = effective_config("report.yaml", request.config_file, request.settings);
   ConfigReader legs = reader.required_section("legs");
   ConfigReader manoeuvres = reader.required_section("manoeuvres");
   ConfigReader costs = reader.required_section("costs");
