@@ -15,6 +15,7 @@
 #include "evaluate_framework.hpp"
 #include "evaluate_local.hpp"
 #include "evaluate_optimality.hpp"
+#include "evaluate_replanning.hpp"
 #include "evaluate_speed.hpp"
 #include "evaluate_verifier.hpp"
 #include "evaluation/flight_evaluation.hpp"
@@ -204,7 +205,8 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand("evaluate", "Measure how good plans and maps are");
   verb->require_subcommand(1);
   verb->footer(
-      "Ctrl-C once ends random, optimality, verifier, table2 and local-safety with the problems "
+      "Ctrl-C once ends random, optimality, replanning, verifier, table2 and local-safety with the "
+      "problems "
       "that "
       "are finished (exit code 4; 130 if there is none).\n"
       "Examples:\n  hedgehop evaluate random --map map --problems 20 --json\n"
@@ -215,6 +217,7 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       "  hedgehop evaluate local-safety --map map --routes routes --json\n"
       "  hedgehop evaluate local-speed --json\n"
       "  hedgehop evaluate optimality --map map --problems 5 --json\n"
+      "  hedgehop evaluate replanning --map map --events 20 --json\n"
       "  hedgehop evaluate verifier --map map --plans 100 --json\n"
       "  hedgehop evaluate bus --map map --json\n"
       "  hedgehop evaluate flight --map map --plans 20 --json");
@@ -224,6 +227,7 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   add_local_evaluation_verbs(*verb, console);
   add_framework_evaluation_verbs(*verb, console);
   add_optimality_verb(*verb, console);
+  add_replanning_verb(*verb, console);
   add_local_speed_verb(*verb, console);
   add_verifier_verb(*verb, console);
 

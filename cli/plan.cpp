@@ -1,15 +1,20 @@
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdio>
-#include <ctime>
+#include <deque>
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <system_error>
 
 #include "base/files.hpp"
+#include "effective_config.hpp"
 #include "evaluation/risk_planning.hpp"
 #include "map/map_bundle.hpp"
 #include "output/figures.hpp"
 #include "output/plan_bundle.hpp"
+#include "output/route_choices.hpp"
 #include "plan_result.hpp"
+#include "planning/alternatives.hpp"
 #include "planning/planning.hpp"
 #include "request_arguments.hpp"
 #include "uncertainty_arguments.hpp"
@@ -26,6 +31,25 @@ struct PlanArguments {
   bool has_figures = false;
   UncertaintyArguments uncertainty;
   double violation_probability = 0.0;  // 0: errors are not looked at
+  bool has_alternatives = false;
+  bool are_alternatives_flown = false;
+  std::string alternatives_file;
+};
+
+// Routes to choose from, and the flights along them that were asked for.
+struct Choices {
+  flight::RouteChoices routes;
+  std::deque<std::variant<flight::Plan, flight::NoPlan>> flights;  // of routes 1, 2, ...
+  bool is_stopped = false;
+
+  [[nodiscard]] std::vector<output::FlownChoice> flown(const flight::Plan& main) const {
+    std::vector<output::FlownChoice> list = {{0, &main, nullptr}};
+    for (std::size_t i = 0; i < flights.size(); ++i) {
+      list.push_back({i + 1, std::get_if<flight::Plan>(&flights[i]),
+                      std::get_if<flight::NoPlan>(&flights[i])});
+    }
+    return list;
+  }
 };
 
 // One sentence about the errors that a plan was made for.
@@ -91,7 +115,68 @@ Made make_plan(const map::Map& map, const flight::PlanRequest& request,
   return {std::move(result), true, is_stopped};
 }
 
+Choices make_choices(const map::Map& map, const flight::Plan& plan,
+                     const planning::PlanningConfig& config,
+                     const planning::AlternativeOptions& options, bool are_flown,
+                     const Console& console, StageTimer& timer, Observer& observer) {
+  Choices choices;
+  const auto searching = console.observer();
+  choices.routes = planning::plan_alternatives(map, plan.route_plan, config, options, *searching);
+  choices.is_stopped = searching->stop_requested();
+  timer.lap("alternative_routes");
+  for (std::size_t i = 1; are_flown && i < choices.routes.routes.size(); ++i) {
+    const flight::RouteChoice& choice = choices.routes.routes[i];
+    console.say("flying along '" + choice.name + "'");
+    auto flown = planning::plan_flight(
+        map, choice.plan, planning::read_planning_config(choice.plan.config_text, choice.name), {},
+        observer);
+    observer.check_stop();
+    if (auto* made = std::get_if<flight::Plan>(&flown); made != nullptr && choice.avoidance > 0.0) {
+      made->warnings.push_back(
+          "its route was searched with a cost on what lies near to other routes of plan " +
+          plan.route_plan.request_id.hex() + "; planning this request again may give another one");
+    }
+    choices.flights.push_back(std::move(flown));
+  }
+  if (are_flown) {
+    timer.lap("alternative_flights");
+  }
+  return choices;
+}
+
+void write_choices(const flight::Plan& plan, const Choices& choices,
+                   const std::filesystem::path& folder) {
+  const std::vector<output::FlownChoice> flown = choices.flown(plan);
+  write_file_atomically(folder / output::kChoicesFile,
+                        output::route_choices_json(choices.routes, flown));
+  write_file_atomically(folder / output::kChoicesRoutesFile,
+                        output::route_choices_geojson(choices.routes));
+  for (const output::FlownChoice& choice : flown) {
+    if (choice.route == 0 || choice.plan == nullptr) {
+      continue;
+    }
+    const std::filesystem::path inside =
+        folder / output::kChoicesFolder / choices.routes.routes[choice.route].name;
+    std::error_code error;
+    std::filesystem::create_directories(inside, error);
+    if (error) {
+      throw SystemFailure(inside.string() + ": " + error.message(),
+                          "give a folder that can be written");
+    }
+    output::write_plan_bundle(*choice.plan, inside);
+  }
+}
+
 ExitCode run(const Console& console, const PlanArguments& arguments) {
+  const bool has_alternatives = arguments.has_alternatives || arguments.are_alternatives_flown;
+  if (has_alternatives && arguments.violation_probability > 0.0) {
+    throw UsageError("--alternatives and --violation-probability do not go together",
+                     "choose a route first, then plan it with --via and --violation-probability");
+  }
+  if (!has_alternatives && !arguments.alternatives_file.empty()) {
+    throw UsageError("--alternatives-config is given without --alternatives",
+                     "add --alternatives or --fly-alternatives");
+  }
   if ((arguments.violation_probability > 0.0) != arguments.uncertainty.is_asked_for()) {
     throw UsageError(
         "--violation-probability and errors go together: one is given without the other",
@@ -103,6 +188,9 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
       planning::read_planning_config(planning::effective_planning_config(
                                          arguments.request.config_file, arguments.request.settings),
                                      "effective configuration");
+  ConfigReader alternatives =
+      effective_config("alternatives.yaml", arguments.alternatives_file, {});
+  const planning::AlternativeOptions options = planning::read_alternative_options(alternatives);
   StagedFolder folder(arguments.out, output::kPlanFile, arguments.is_overwriting);
   const auto observer = console.observer();
 
@@ -118,17 +206,31 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
     return report_no_plan(console, *no_plan);
   }
   const auto& plan = std::get<flight::Plan>(made.answer);
+  std::optional<Choices> choices;
+  if (has_alternatives && !made.is_stopped) {
+    choices = make_choices(map, plan, config, options, arguments.are_alternatives_flown, console,
+                           timer, *last_observer);
+  }
   output::write_plan_bundle(plan, folder.path());
+  if (choices) {
+    write_choices(plan, *choices, folder.path());
+  }
   timer.lap("write");
   if (arguments.has_figures) {
     output::write_figures(plan, map, folder.path() / "figures");
+    if (choices) {
+      output::write_choice_figure(plan, map, choices->routes, folder.path() / "figures");
+    }
     timer.lap("figures");
   }
   last_observer->check_stop();
   timer.write(folder.path());
   folder.commit();
-  const ExitCode code = report_plan(console, plan, arguments.out, made.is_stopped);
-  return made.is_risk_met && !made.is_stopped ? code : ExitCode::kNotVerified;
+  const ExitCode code = report_plan(
+      console, plan, arguments.out, made.is_stopped, choices ? &choices->routes : nullptr,
+      choices ? choices->flown(plan) : std::vector<output::FlownChoice>());
+  const bool is_stopped = made.is_stopped || (choices && choices->is_stopped);
+  return made.is_risk_met && !is_stopped ? code : ExitCode::kNotVerified;
 }
 
 }  // namespace
@@ -137,14 +239,15 @@ void add_plan_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand("plan", "Plan a flight on a prepared map, in this one process");
   verb->footer(
       "Writes plan.json, route.geojson, trajectory.csv and timings.json into the folder --out. The "
-      "same map, request, config, seed and work budget give the same bytes. Ctrl-C once ends the "
-      "search and flies the best route so far (exit code 4; 130 if there is none yet), twice gives "
-      "up.\n"
+      "same map, request, config, seed and work budget give the same bytes. Ctrl-C once ends a "
+      "search with what it has (exit code 4; 130 if that is no route yet), twice gives up.\n"
+      "alternatives.json and .geojson: up to five routes, each better than each other in "
+      "something, no two together for more than half of their way; or why there are fewer.\n"
       "Examples:\n"
       "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan --figures\n"
-      "  hedgehop plan --map map --mission mission.yaml --out plan\n"
-      "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --dem-error-m 4 "
-      "--violation-probability 0.05 --out plan");
+      "  hedgehop plan --map map --mission mission.yaml --fly-alternatives --out plan\n"
+      "  hedgehop plan --map map --mission m.yaml --dem-error-m 4 --violation-probability 0.05 "
+      "--out plan");
   auto arguments = std::make_shared<PlanArguments>();
   verb->add_option("--map", arguments->map, "Map bundle, a folder made by `hedgehop prepare`")
       ->required();
@@ -154,10 +257,15 @@ void add_plan_verb(CLI::App& app, Console& console) {
   verb->add_flag("--figures", arguments->has_figures,
                  "Draw the plan into figures/ (needs gnuplot)");
   verb->add_option("--violation-probability", arguments->violation_probability,
-                   "Fly so high that errors take the clearance below the demand with at most this "
-                   "probability")
+                   "Fly so high that errors break the clearance at most this often")
       ->check(CLI::Range(0.001, 0.999));
   arguments->uncertainty.add_to(*verb);
+  verb->add_flag("--alternatives", arguments->has_alternatives,
+                 "Plan further routes to choose from: fast, hidden, quiet and others");
+  verb->add_flag("--fly-alternatives", arguments->are_alternatives_flown,
+                 "The same, each flown and verified like the plan");
+  verb->add_option("--alternatives-config", arguments->alternatives_file,
+                   "YAML file whose keys replace those of the shipped alternatives.yaml");
   add_common_options(*verb, console);
   verb->callback([&console, arguments] {
     console.action = [&console, arguments] { return run(console, *arguments); };

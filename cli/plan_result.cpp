@@ -1,5 +1,6 @@
 #include "plan_result.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -15,6 +16,31 @@ double process_cpu_s() {
   timespec time{};
   ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+// Routes to choose from, as a table.
+void print_choices(const flight::RouteChoices& choices,
+                   const std::vector<output::FlownChoice>& flown) {
+  std::printf("\nroute               length      seen  land use  runs with others  flown\n");
+  for (std::size_t i = 0; i < choices.routes.size(); ++i) {
+    const flight::RouteChoice& choice = choices.routes[i];
+    double shared = 0.0;
+    for (std::size_t j = 0; j < choices.routes.size(); ++j) {
+      shared = std::max(shared, j == i ? 0.0 : choices.shared[i][j]);
+    }
+    const auto flight = std::find_if(flown.begin(), flown.end(),
+                                     [i](const auto& candidate) { return candidate.route == i; });
+    const char* verdict = flight == flown.end()               ? "not flown"
+                          : flight->plan == nullptr           ? "no flight along it arrives"
+                          : flight->plan->verdict.is_verified ? "verified"
+                                                              : "NOT verified";
+    std::printf("%-16s %6.2f km  %6.0f m  %6.0f m  %14.0f %%  %s\n", choice.name.c_str(),
+                1e-3 * choice.measures.length_m, choice.measures.visibility_m,
+                choice.measures.semantics_m, 100.0 * shared, verdict);
+  }
+  if (!choices.why_no_more.empty()) {
+    std::printf("no more routes: %s\n", choices.why_no_more.c_str());
+  }
 }
 
 }  // namespace
@@ -67,7 +93,8 @@ ExitCode report_no_plan(const Console& console, const flight::NoPlan& no_plan) {
 }
 
 ExitCode report_plan(const Console& console, const flight::Plan& plan, const std::string& folder,
-                     bool is_stopped) {
+                     bool is_stopped, const flight::RouteChoices* choices,
+                     const std::vector<output::FlownChoice>& flown) {
   const flight::PathMeasures& measures = plan.measures;
   const flight::Verdict& verdict = plan.verdict;
   if (console.is_json) {
@@ -90,6 +117,13 @@ ExitCode report_plan(const Console& console, const flight::Plan& plan, const std
     json["route_cost_m"] = plan.route_plan.route.cost.total_m();
     json["lower_bound_m"] = plan.route_plan.route.lower_bound_m;
     json["warnings"] = plan.warnings;
+    if (choices != nullptr) {
+      json["alternatives"] =
+          nlohmann::ordered_json::parse(output::route_choices_json(*choices, flown));
+      for (nlohmann::ordered_json& route : json["alternatives"]["routes"]) {
+        route.erase("waypoints");  // in the file
+      }
+    }
     std::printf("%s\n", json.dump(2).c_str());
   } else {
     if (!plan.route_plan.map.label.empty()) {
@@ -109,6 +143,9 @@ ExitCode report_plan(const Console& console, const flight::Plan& plan, const std
     } else {
       std::printf("verified      NO, %lld violations\n",
                   static_cast<long long>(verdict.violation_count));
+    }
+    if (choices != nullptr) {
+      print_choices(*choices, flown);
     }
   }
   for (const std::string& warning : plan.warnings) {

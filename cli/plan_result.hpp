@@ -9,6 +9,7 @@
 #include "console.hpp"
 #include "flight/plan.hpp"
 #include "global_planning/global_planner.hpp"
+#include "output/route_choices.hpp"
 
 namespace hedgehop::cli {
 
@@ -39,8 +40,9 @@ global_planning::OnProgress route_progress(Observer& observer);
 ExitCode report_no_plan(const Console& console, const flight::NoPlan& no_plan);
 
 /// Prints the result of a plan. Returns 0, or 4 when it is not verified. `is_stopped`: the search
-/// for its route was ended early.
+/// for its route was ended early. `choices` may be null.
 ExitCode report_plan(const Console& console, const flight::Plan& plan, const std::string& folder,
-                     bool is_stopped = false);
+                     bool is_stopped = false, const flight::RouteChoices* choices = nullptr,
+                     const std::vector<output::FlownChoice>& flown = {});
 
 }  // namespace hedgehop::cli

@@ -14,6 +14,7 @@
 #include "output/figures.hpp"
 #include "output/plan_bundle.hpp"
 #include "output/report_page.hpp"
+#include "output/route_choices.hpp"
 #include "output/utc_time.hpp"
 #include "planning/planning.hpp"
 #include "verbs.hpp"
@@ -199,6 +200,27 @@ std::string report_html(const ReportRequest& request, const flight::Plan& plan,
   content.start_time = request.start_time;
   content.declination_rad = request.declination_rad;
   std::deque<flight::Plan> others;
+  if (auto list = output::read_route_choices(request.plan_folder)) {
+    if (list->request_id != plan.route_plan.request_id || list->routes.empty()) {
+      throw DataError((request.plan_folder / output::kChoicesFile).string() +
+                          ": does not belong to the plan beside it",
+                      "plan again with --alternatives, or remove that file");
+    }
+    for (output::ListedRoute& route : list->routes) {
+      const flight::Plan* flown = nullptr;
+      if (route.is_flown && !content.choices.empty()) {
+        const fs::path folder = request.plan_folder / output::kChoicesFolder / route.name;
+        others.push_back(output::read_plan_bundle(folder));
+        require_map(others.back(), folder.string(), map);
+        flown = &others.back();
+        content.alternatives.push_back(
+            {route.name, flown,
+             briefing::cost_profile(model, flown->trajectory, options.costs).total()});
+      }
+      content.choices.push_back({std::move(route), flown});
+    }
+    content.why_no_more_choices = list->why_no_more;
+  }
   for (const std::string& folder : request.compare) {
     others.push_back(output::read_plan_bundle(folder));
     require_map(others.back(), folder, map);

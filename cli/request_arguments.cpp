@@ -94,8 +94,7 @@ flight::RequestPoint parse_request_point(const std::string& text, const std::str
 void RequestArguments::add_to(CLI::App& verb) {
   auto* start_option = verb.add_option(
       "--start", start,
-      "Where the flight begins: LAT,LON[,HEIGHT_M], height above the surface; without it "
-      "the reference height above the highest surface nearby");
+      "Where it begins: LAT,LON[,HEIGHT_M above the surface]; else reference height");
   auto* goal_option = verb.add_option("--goal", goal, "Where it ends: LAT,LON[,HEIGHT_M]");
   auto* via_option =
       verb.add_option("--via", via,
@@ -114,7 +113,7 @@ void RequestArguments::add_to(CLI::App& verb) {
             start_heading_deg = value;
             has_start_heading = true;
           },
-          "Heading at the start, from true north, clockwise (default: towards the first waypoint)")
+          "From true north, clockwise (default: towards the first waypoint)")
       ->check(CLI::Range(-360.0, 360.0));
   verb.add_option("--speed-mps", speed_mps, "Ground speed (default: speed_mps of the config)")
       ->check(CLI::PositiveNumber);
@@ -125,7 +124,7 @@ void RequestArguments::add_to(CLI::App& verb) {
   verb.add_option("--config", config_file,
                   "YAML file whose keys replace those of the shipped planning.yaml");
   verb.add_option("--set", settings,
-                  "One setting, key=value, for example weights.visibility=10; may be repeated")
+                  "One setting, key=value, as weights.visibility=10; may be repeated")
       ->allow_extra_args(false);
 }
 

@@ -13,7 +13,7 @@ void UncertaintyArguments::add_to(CLI::App& verb) {
                   "Standard deviation of the surface's error [m]; 0: none")
       ->check(CLI::Range(0.0, 1000.0));
   verb.add_option("--navigation-error-m", errors.navigation_m,
-                  "Standard deviation of the position's error along each axis [m]; 0: none")
+                  "The same of the position along each axis [m]; 0: none")
       ->check(CLI::Range(0.0, 1000.0));
   verb.add_option("--draws", draws, "Errors to draw (default: uncertainty.yaml)")
       ->check(CLI::Range(1, 10000000));

@@ -16,11 +16,7 @@ using flight::Waypoint;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-struct Sweep {
-  double station_m;
-  double aside_m;   // between neighbouring places
-  double height_m;  // between neighbouring heights
-};
+using Sweep = CorridorGrid;
 // From coarse to fine; each is repeated while it pays.
 constexpr std::array<Sweep, 6> kSweeps = {{{250.0, 120.0, 30.0},
                                            {200.0, 60.0, 15.0},
@@ -329,24 +325,33 @@ class Corridor {
 
 }  // namespace
 
+std::vector<Waypoint> corridor_route(const FlightEnvelope& envelope,
+                                     const std::vector<Waypoint>& base, const CorridorGrid& grid,
+                                     const std::optional<Waypoint>& before,
+                                     const std::optional<Waypoint>& after,
+                                     std::int64_t& work_units) {
+  const std::vector<Waypoint> line = resample(base, grid.station_m);
+  std::vector<Station> stations;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const bool is_end = i == 0 || i + 1 == line.size();
+    stations.push_back(station_of(envelope, line[i > 0 ? i - 1 : 0], line[i],
+                                  line[std::min(i + 1, line.size() - 1)], grid, is_end));
+  }
+  work_units += kWorkPerGap * static_cast<std::int64_t>(line.size() - 1);
+  return Corridor(envelope, std::move(stations), before, after).best();
+}
+
 void refine(const FlightEnvelope& envelope, std::int64_t work_budget, std::int64_t& work_units,
             std::vector<Waypoint>& waypoints, const OnRefined& on_refined) {
   const auto cost_of = [&](const std::vector<Waypoint>& route) {
-    return envelope.costs().route_cost(route, kCostStep_m).total_m();
+    return envelope.route_cost_m(route, kCostStep_m);
   };
   double best_m = cost_of(waypoints);
   // A station may move beyond its neighbours where the route bends; such legs fail by their turns.
-  const auto sweep_over = [&](const std::vector<Waypoint>& piece, std::optional<Waypoint> before,
-                              std::optional<Waypoint> after, const Sweep& sweep) {
-    const std::vector<Waypoint> base = resample(piece, sweep.station_m);
-    std::vector<Station> stations;
-    for (std::size_t i = 0; i < base.size(); ++i) {
-      const bool is_end = i == 0 || i + 1 == base.size();
-      stations.push_back(station_of(envelope, base[i > 0 ? i - 1 : 0], base[i],
-                                    base[std::min(i + 1, base.size() - 1)], sweep, is_end));
-    }
-    work_units += kWorkPerGap * static_cast<std::int64_t>(base.size() - 1);
-    return Corridor(envelope, std::move(stations), before, after).best();
+  const auto sweep_over = [&](const std::vector<Waypoint>& piece,
+                              const std::optional<Waypoint>& before,
+                              const std::optional<Waypoint>& after, const Sweep& sweep) {
+    return corridor_route(envelope, piece, sweep, before, after, work_units);
   };
   const auto work_of = [&](double length_m, const Sweep& sweep) {
     return kWorkPerGap * (static_cast<std::int64_t>(length_m / sweep.station_m) + 2);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "flight/route.hpp"
@@ -27,5 +28,25 @@ using OnRefined = std::function<bool(double best_cost_m, std::int64_t work_units
 /// Each evaluated leg adds 1 to `work_units`; no sweep begins that might exceed `work_budget`.
 void refine(const FlightEnvelope& envelope, std::int64_t work_budget, std::int64_t& work_units,
             std::vector<flight::Waypoint>& waypoints, const OnRefined& on_refined);
+
+/// The grid of places around each station of a corridor.
+struct CorridorGrid {
+  double station_m;  // between stations
+  double aside_m;    // between neighbouring places
+  double height_m;   // between neighbouring heights
+};
+
+/// One step of refine() for a line that need not be a route: the cheapest polyline through one
+/// place of each station around `base`, ends fixed, all of whose legs are clear. Empty if none was
+/// found.
+///
+/// @param before, after  where legs that join it at its ends come from and go to, for the turns
+///                       there; may be missing.
+std::vector<flight::Waypoint> corridor_route(const FlightEnvelope& envelope,
+                                             const std::vector<flight::Waypoint>& base,
+                                             const CorridorGrid& grid,
+                                             const std::optional<flight::Waypoint>& before,
+                                             const std::optional<flight::Waypoint>& after,
+                                             std::int64_t& work_units);
 
 }  // namespace hedgehop::global_planning

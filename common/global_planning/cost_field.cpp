@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/errors.hpp"
+
 namespace hedgehop::global_planning {
 namespace {
 
@@ -38,91 +40,219 @@ constexpr std::array<Neighbour, 16> kNeighbours = {{
     {-1, -2, 2.23606798F},
 }};
 
-struct Entry {
-  float cost_m;
-  std::uint32_t block;
-};
-constexpr auto kIsLater = [](const Entry& a, const Entry& b) {
+constexpr auto kIsLater = [](const auto& a, const auto& b) {
   return a.cost_m != b.cost_m ? a.cost_m > b.cost_m : a.block > b.block;
 };
+constexpr int kFrame = 2;
 
 }  // namespace
 
 CostField::CostField(const FlightEnvelope& envelope, const geo::MapPoint& target, double block_m) {
   const raster::GridGeometry& cells = envelope.geometry();
-  const int factor = std::max(1, static_cast<int>(std::floor(block_m / cells.cell_m + 0.5)));
-  blocks_ = {cells.west_m, cells.south_m, cells.cell_m * factor,
-             (cells.columns + factor - 1) / factor, (cells.rows + factor - 1) / factor};
-  // A frame of blocks that cannot be flown saves every test for the border.
-  constexpr int kFrame = 2;
-  const int wide = blocks_.columns + 2 * kFrame;
-  std::vector<float> density(
-      static_cast<std::size_t>(wide) * static_cast<std::size_t>(blocks_.rows + 2 * kFrame),
+  factor_ = std::max(1, static_cast<int>(std::floor(block_m / cells.cell_m + 0.5)));
+  blocks_ = {cells.west_m, cells.south_m, cells.cell_m * factor_,
+             (cells.columns + factor_ - 1) / factor_, (cells.rows + factor_ - 1) / factor_};
+  wide_ = blocks_.columns + 2 * kFrame;
+  density_.assign(
+      static_cast<std::size_t>(wide_) * static_cast<std::size_t>(blocks_.rows + 2 * kFrame),
       kInfinity);
-  const auto framed = [&](int column, int row) {
-    return static_cast<std::size_t>(row + kFrame) * static_cast<std::size_t>(wide) +
-           static_cast<std::size_t>(column + kFrame);
-  };
+  for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
+    jump_.push_back(static_cast<std::ptrdiff_t>(kNeighbours[k].rows) * wide_ +
+                    kNeighbours[k].columns);
+  }
   for (int row = 0; row < blocks_.rows; ++row) {
     for (int column = 0; column < blocks_.columns; ++column) {
-      double sum = 0.0;
-      int flyable = 0;
-      for (int y = row * factor; y < std::min((row + 1) * factor, cells.rows); ++y) {
-        for (int x = column * factor; x < std::min((column + 1) * factor, cells.columns); ++x) {
-          const double here = envelope.low_density({x, y});
-          if (here < std::numeric_limits<double>::infinity()) {
-            sum += here;
-            ++flyable;
-          }
-        }
-      }
-      if (flyable > 0) {
-        density[framed(column, row)] = static_cast<float>(sum / flyable);
-      }
+      density_[framed(column, row)] = mean_density(envelope, column, row);
     }
   }
-  std::array<std::ptrdiff_t, kNeighbours.size()> jump{};
-  for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
-    jump[k] = static_cast<std::ptrdiff_t>(kNeighbours[k].rows) * wide + kNeighbours[k].columns;
-  }
-  std::vector<float> cost(density.size(), kInfinity);
-  std::vector<Entry> queue;
+  cost_m_.assign(density_.size(), kInfinity);
   const CellIndex first = blocks_.cell_at(target);
-  if (blocks_.contains(first)) {
-    const auto at = static_cast<std::uint32_t>(framed(first.column, first.row));
-    cost[at] = 0.0F;
-    queue.push_back({0.0F, at});
-    if (density[at] == kInfinity) {
-      density[at] = 1.0F;  // the funnel around an end may reach where the floor does not
+  has_target_ = blocks_.contains(first);
+  if (has_target_) {
+    target_ = framed(first.column, first.row);
+    cost_m_[target_] = 0.0F;
+    queue_.push_back({0.0F, target_});
+    if (density_[target_] == kInfinity) {
+      density_[target_] = 1.0F;  // the funnel around an end may reach where the floor does not
     }
   }
+  spread();
+}
+
+std::uint32_t CostField::framed(int column, int row) const {
+  return static_cast<std::uint32_t>((row + kFrame) * wide_ + column + kFrame);
+}
+
+float CostField::mean_density(const FlightEnvelope& envelope, int column, int row) const {
+  const raster::GridGeometry& cells = envelope.geometry();
+  double sum = 0.0;
+  int flyable = 0;
+  for (int y = row * factor_; y < std::min((row + 1) * factor_, cells.rows); ++y) {
+    for (int x = column * factor_; x < std::min((column + 1) * factor_, cells.columns); ++x) {
+      const double here = envelope.low_density({x, y});
+      if (here < std::numeric_limits<double>::infinity()) {
+        sum += here;
+        ++flyable;
+      }
+    }
+  }
+  return flyable > 0 ? static_cast<float>(sum / flyable) : kInfinity;
+}
+
+float CostField::step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const {
   const auto half_block_m = static_cast<float>(0.5 * blocks_.cell_m);
-  while (!queue.empty()) {
-    std::pop_heap(queue.begin(), queue.end(), kIsLater);
-    const Entry entry = queue.back();
-    queue.pop_back();
-    if (entry.cost_m > cost[entry.block]) {
+  return (density_[from] + density_[to]) * (half_block_m * kNeighbours[k].length);
+}
+
+void CostField::push(float cost_m, std::uint32_t block) {
+  queue_.push_back({cost_m, block});
+  std::push_heap(queue_.begin(), queue_.end(), kIsLater);
+}
+
+void CostField::spread() {
+  while (!queue_.empty()) {
+    std::pop_heap(queue_.begin(), queue_.end(), kIsLater);
+    const Entry entry = queue_.back();
+    queue_.pop_back();
+    if (entry.cost_m > cost_m_[entry.block]) {
       continue;
     }
-    const float here = density[entry.block];
     for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
       const auto to =
-          static_cast<std::uint32_t>(static_cast<std::ptrdiff_t>(entry.block) + jump[k]);
-      const float there = density[to];
-      const float cost_m = entry.cost_m + (here + there) * (half_block_m * kNeighbours[k].length);
-      if (cost_m < cost[to]) {
-        cost[to] = cost_m;
-        queue.push_back({cost_m, to});
-        std::push_heap(queue.begin(), queue.end(), kIsLater);
+          static_cast<std::uint32_t>(static_cast<std::ptrdiff_t>(entry.block) + jump_[k]);
+      const float cost_m = entry.cost_m + step_cost(entry.block, to, k);
+      if (cost_m < cost_m_[to]) {
+        cost_m_[to] = cost_m;
+        push(cost_m, to);
       }
     }
   }
-  cost_m_.reserve(blocks_.cell_count());
-  for (int row = 0; row < blocks_.rows; ++row) {
-    for (int column = 0; column < blocks_.columns; ++column) {
-      cost_m_.push_back(cost[framed(column, row)] / static_cast<float>(kMetrication));
+}
+
+std::size_t CostField::repair(const FlightEnvelope& envelope, const raster::Window& changed) {
+  std::vector<std::uint32_t> touched;
+  const int west = std::max(changed.column / factor_, 0);
+  const int south = std::max(changed.row / factor_, 0);
+  const int east = std::min((changed.column + changed.columns - 1) / factor_, blocks_.columns - 1);
+  const int north = std::min((changed.row + changed.rows - 1) / factor_, blocks_.rows - 1);
+  for (int row = south; row <= north; ++row) {
+    for (int column = west; column <= east; ++column) {
+      const std::uint32_t at = framed(column, row);
+      float density = mean_density(envelope, column, row);
+      if (has_target_ && at == target_ && density == kInfinity) {
+        density = 1.0F;
+      }
+      if (density != density_[at]) {
+        density_[at] = density;
+        touched.push_back(at);
+      }
     }
   }
+  // Blocks by the cost they had, those nearest to the target first: whatever carries a block costs
+  // less than it, so it is known by then whether it stays.
+  const auto neighbour = [&](std::uint32_t block, std::size_t k) {
+    return static_cast<std::uint32_t>(static_cast<std::ptrdiff_t>(block) + jump_[k]);
+  };
+  std::vector<Entry> doubtful;
+  const auto doubt = [&](std::uint32_t block) {
+    if (cost_m_[block] < kInfinity && block != target_) {
+      doubtful.push_back({cost_m_[block], block});
+      std::push_heap(doubtful.begin(), doubtful.end(), kIsLater);
+    }
+  };
+  for (const std::uint32_t block : touched) {
+    doubt(block);
+    for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
+      doubt(neighbour(block, k));
+    }
+  }
+  std::vector<std::uint32_t> forgotten;
+  while (!doubtful.empty()) {
+    std::pop_heap(doubtful.begin(), doubtful.end(), kIsLater);
+    const Entry entry = doubtful.back();
+    doubtful.pop_back();
+    if (!(cost_m_[entry.block] < kInfinity)) {
+      continue;  // a second time
+    }
+    bool is_carried = false;
+    for (std::size_t k = 0; k < kNeighbours.size() && !is_carried; ++k) {
+      const std::uint32_t from = neighbour(entry.block, k);
+      is_carried = cost_m_[from] + step_cost(from, entry.block, k) == entry.cost_m;
+    }
+    if (is_carried) {
+      continue;
+    }
+    cost_m_[entry.block] = kInfinity;
+    forgotten.push_back(entry.block);
+    for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
+      const std::uint32_t to = neighbour(entry.block, k);
+      if (cost_m_[to] > entry.cost_m) {
+        doubt(to);
+      }
+    }
+  }
+  // Each forgotten or changed block takes the best that its neighbours offer.
+  std::size_t made_cheaper = 0;
+  const auto take = [&](std::uint32_t block, bool counts) {
+    if (!(density_[block] < kInfinity)) {
+      return;  // the frame too
+    }
+    float best_m = cost_m_[block];
+    for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
+      const std::uint32_t from = neighbour(block, k);
+      best_m = std::min(best_m, cost_m_[from] + step_cost(from, block, k));
+    }
+    if (best_m < cost_m_[block]) {
+      cost_m_[block] = best_m;
+      push(best_m, block);
+      made_cheaper += counts ? 1 : 0;
+    }
+  };
+  for (const std::uint32_t block : forgotten) {
+    take(block, false);
+  }
+  for (const std::uint32_t block : touched) {
+    take(block, true);
+    for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
+      take(neighbour(block, k), true);
+    }
+  }
+  spread();
+  return forgotten.size() + made_cheaper;
+}
+
+std::vector<geo::MapPoint> CostField::way_from(const geo::MapPoint& from) const {
+  std::vector<geo::MapPoint> way;
+  if (!has_target_ || !blocks_.contains(from)) {
+    return way;
+  }
+  const CellIndex first = blocks_.cell_at(from);
+  std::uint32_t at = framed(first.column, first.row);
+  const auto centre = [&](std::uint32_t block) {
+    const int column = static_cast<int>(block) % wide_ - kFrame;
+    const int row = static_cast<int>(block) / wide_ - kFrame;
+    return blocks_.centre({column, row});
+  };
+  if (!(cost_m_[at] < kInfinity)) {
+    return way;
+  }
+  way.push_back(centre(at));
+  while (at != target_) {
+    std::uint32_t next = at;
+    float best_m = kInfinity;
+    for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
+      const auto to = static_cast<std::uint32_t>(static_cast<std::ptrdiff_t>(at) + jump_[k]);
+      const float cost_m = cost_m_[to] + step_cost(to, at, k);
+      if (cost_m_[to] < cost_m_[at] && cost_m < best_m) {
+        best_m = cost_m;
+        next = to;
+      }
+    }
+    HEDGEHOP_ASSERT(next != at);
+    at = next;
+    way.push_back(centre(at));
+  }
+  return way;
 }
 
 double CostField::cost_m(const geo::MapPoint& from) const {
@@ -138,9 +268,7 @@ double CostField::cost_m(const geo::MapPoint& from) const {
   const int right = std::min(column + 1, blocks_.columns - 1);
   const int up = std::min(row + 1, blocks_.rows - 1);
   const auto at = [&](int c, int r) {
-    return static_cast<double>(
-        cost_m_[static_cast<std::size_t>(r) * static_cast<std::size_t>(blocks_.columns) +
-                static_cast<std::size_t>(c)]);
+    return static_cast<double>(cost_m_[framed(c, r)] / static_cast<float>(kMetrication));
   };
   const double fu = u - column;
   const double fv = v - row;

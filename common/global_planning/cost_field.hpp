@@ -1,10 +1,13 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "geo/map_projection.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "raster/grid.hpp"
+#include "raster/window.hpp"
 
 namespace hedgehop::global_planning {
 
@@ -23,9 +26,42 @@ class CostField {
   /// and outside the map.
   [[nodiscard]] double cost_m(const geo::MapPoint& from) const;
 
+  /// Makes the field anew after costs of cells inside `changed` did: to the last bit what the
+  /// constructor gives now. What led through changed blocks is forgotten, as far as no other way is
+  /// as cheap (G. Ramalingam and T. Reps, J. Algorithms 21(2), 1996, doi:10.1006/jagm.1996.0046),
+  /// and found again from its border; the rest stays. O(forgotten blocks log blocks).
+  /// @return  how many blocks were forgotten or made cheaper.
+  std::size_t repair(const FlightEnvelope& envelope, const raster::Window& changed);
+
+  [[nodiscard]] std::size_t block_count() const { return blocks_.cell_count(); }
+
+  /// Centres of blocks along the cheapest way to the target, from the one that holds a place;
+  /// empty where no way leads there.
+  [[nodiscard]] std::vector<geo::MapPoint> way_from(const geo::MapPoint& from) const;
+
  private:
+  struct Entry {
+    float cost_m;
+    std::uint32_t block;
+  };
+
+  [[nodiscard]] std::uint32_t framed(int column, int row) const;
+  [[nodiscard]] float mean_density(const FlightEnvelope& envelope, int column, int row) const;
+  [[nodiscard]] float step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const;
+  void push(float cost_m, std::uint32_t block);
+  // Dijkstra's method from what is in the queue.
+  void spread();
+
   raster::GridGeometry blocks_;
-  std::vector<float> cost_m_;
+  int factor_ = 1;            // cells along the side of a block
+  int wide_ = 0;              // blocks of a row with its frame
+  std::uint32_t target_ = 0;  // framed; only with has_target_
+  bool has_target_ = false;
+  // With a frame of blocks that cannot be flown, which saves every test for the border.
+  std::vector<float> density_;
+  std::vector<float> cost_m_;  // not yet divided by the metrication
+  std::vector<std::ptrdiff_t> jump_;
+  std::vector<Entry> queue_;
 };
 
 }  // namespace hedgehop::global_planning

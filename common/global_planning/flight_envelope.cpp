@@ -105,7 +105,7 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
   cells_.resize(geometry_.cell_count());
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     cells_[i] = {map.surface_m.values()[i], dilated.values()[i],
-                 costs.semantics_layer().values()[i],
+                 costs.semantics_layer().values()[i], 0.0F,
                  costs.visibilities({static_cast<int>(i) % geometry_.columns,
                                      static_cast<int>(i) / geometry_.columns})};
   }
@@ -116,6 +116,90 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
     ends_[i] = {ends[i].x_m, ends[i].y_m, std::min(height_m, floor_m_)};
   }
   take_areas(options);
+}
+
+FlightEnvelope::FlightEnvelope(const FlightEnvelope& ground, const risk::CostModel& costs)
+    : FlightEnvelope(ground) {
+  costs_ = &costs;
+  has_avoidance_ = false;
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    cells_[i].semantics = costs.semantics_layer().values()[i];
+    cells_[i].avoidance = 0.0F;
+    cells_[i].visibilities = costs.visibilities(
+        {static_cast<int>(i) % geometry_.columns, static_cast<int>(i) / geometry_.columns});
+  }
+}
+
+void FlightEnvelope::move_start(const flight::Waypoint& start) {
+  start_ = start;
+  const double height_m =
+      start.altitude_m - raster::sample_bilinear(costs_->map().surface_m, start.point());
+  ends_[0] = {start.x_m, start.y_m, std::min(height_m, floor_m_)};
+}
+
+void FlightEnvelope::avoid(const std::vector<flight::Waypoint>& route, double within_m,
+                           double cost) {
+  has_avoidance_ = has_avoidance_ || cost > 0.0;
+  for (std::size_t leg = 1; leg < route.size(); ++leg) {
+    const flight::Waypoint& a = route[leg - 1];
+    const flight::Waypoint& b = route[leg];
+    const double dx_m = b.x_m - a.x_m;
+    const double dy_m = b.y_m - a.y_m;
+    const double square_m2 = dx_m * dx_m + dy_m * dy_m;
+    const auto first = [&](double a_m, double b_m, double origin_m) {
+      return std::max(0, static_cast<int>(std::floor((std::min(a_m, b_m) - within_m - origin_m) *
+                                                     inverse_cell_1pm_)));
+    };
+    const auto last = [&](double a_m, double b_m, double origin_m, int count) {
+      return std::min(count - 1,
+                      static_cast<int>(std::floor((std::max(a_m, b_m) + within_m - origin_m) *
+                                                  inverse_cell_1pm_)));
+    };
+    const int west = first(a.x_m, b.x_m, geometry_.west_m);
+    const int east = last(a.x_m, b.x_m, geometry_.west_m, geometry_.columns);
+    const int north = last(a.y_m, b.y_m, geometry_.south_m, geometry_.rows);
+    for (int row = first(a.y_m, b.y_m, geometry_.south_m); row <= north; ++row) {
+      for (int column = west; column <= east; ++column) {
+        const geo::MapPoint centre = geometry_.centre({column, row});
+        const double along =
+            square_m2 > 0.0
+                ? std::clamp(
+                      ((centre.x_m - a.x_m) * dx_m + (centre.y_m - a.y_m) * dy_m) / square_m2, 0.0,
+                      1.0)
+                : 0.0;
+        const double off_x_m = centre.x_m - (a.x_m + along * dx_m);
+        const double off_y_m = centre.y_m - (a.y_m + along * dy_m);
+        if (off_x_m * off_x_m + off_y_m * off_y_m <= within_m * within_m) {
+          float& here = cells_[index(column, row)].avoidance;
+          here = std::max(here, static_cast<float>(cost));
+        }
+      }
+    }
+  }
+}
+
+double FlightEnvelope::route_cost_m(const std::vector<flight::Waypoint>& route,
+                                    double step_m) const {
+  const double own_m = costs_->route_cost(route, step_m).total_m();
+  if (!has_avoidance_) {
+    return own_m;
+  }
+  double avoided_m = 0.0;
+  for (std::size_t i = 1; i < route.size(); ++i) {
+    const flight::Waypoint& a = route[i - 1];
+    const flight::Waypoint& b = route[i];
+    const double leg_m = flight::length_m({a, b});
+    const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / step_m)));
+    for (int k = 0; k < steps; ++k) {
+      const double t = (k + 0.5) / steps;
+      const geo::MapPoint point{a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m)};
+      if (geometry_.contains(point)) {
+        const raster::CellIndex at = geometry_.cell_at(point);
+        avoided_m += static_cast<double>(cell(at.column, at.row).avoidance) * leg_m / steps;
+      }
+    }
+  }
+  return own_m + avoided_m;
 }
 
 void FlightEnvelope::take_areas(const GlobalOptions& options) {
@@ -189,7 +273,8 @@ double FlightEnvelope::density(const Sample& here, const geo::MapPoint& point,
     return density(*here.nearest, height_m);
   }
   return costs_->density_rule()(here.nearest->visibilities, costs_->semantics(point, altitude_m),
-                                height_m);
+                                height_m) +
+         static_cast<double>(here.nearest->avoidance);
 }
 
 FlightEnvelope::Sample FlightEnvelope::sample_ground(double x_m, double y_m) const {
@@ -600,7 +685,8 @@ double FlightEnvelope::least_density(raster::CellIndex at) const {
 
 double FlightEnvelope::density(const Cell& at, double height_m) const {
   const risk::CostDensity& rule = costs_->density_rule();
-  return rule(at.visibilities, static_cast<double>(at.semantics), height_m);
+  return rule(at.visibilities, static_cast<double>(at.semantics), height_m) +
+         static_cast<double>(at.avoidance);
 }
 
 bool FlightEnvelope::is_turn_allowed(double first_x_m, double first_y_m, double second_x_m,

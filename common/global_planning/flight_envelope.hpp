@@ -52,6 +52,23 @@ class FlightEnvelope {
   FlightEnvelope(const risk::CostModel& costs, const GlobalOptions& options,
                  const flight::Waypoint& start, const flight::Waypoint& goal);
 
+  /// The same heights, limits and areas under the costs of another model of the same map: nothing
+  /// is computed anew, and nothing is avoided.
+  FlightEnvelope(const FlightEnvelope& ground, const risk::CostModel& costs);
+
+  /// The same with another start.
+  void move_start(const flight::Waypoint& start);
+
+  /// From now on each metre over cells whose centre lies within `within_m` of the route, seen from
+  /// above, costs `cost` more; where several calls meet, the greatest of theirs. Searches feel it,
+  /// the bounds of least_density() do not: they hold without it.
+  void avoid(const std::vector<flight::Waypoint>& route, double within_m, double cost);
+
+  /// Eq. (1) along straight legs and what avoid() adds, midpoint rule with steps of at most
+  /// `step_m`. Without avoid() the total of risk::CostModel::route_cost().
+  [[nodiscard]] double route_cost_m(const std::vector<flight::Waypoint>& route,
+                                    double step_m) const;
+
   [[nodiscard]] const risk::CostModel& costs() const { return *costs_; }
   [[nodiscard]] const raster::GridGeometry& geometry() const { return geometry_; }
   [[nodiscard]] const flight::Waypoint& start() const { return start_; }
@@ -141,6 +158,7 @@ class FlightEnvelope {
     float surface_m;
     float dilated_m;
     float semantics;
+    float avoidance;            // cost per metre beside eq. (1)
     const float* visibilities;  // for risk::CostDensity
   };
   // What areas mean over a cell.
@@ -183,6 +201,7 @@ class FlightEnvelope {
   raster::GridGeometry geometry_;
   std::vector<Cell> cells_;
   std::vector<CellAreas> areas_;  // as cells_; empty without areas
+  bool has_avoidance_ = false;
   double inverse_cell_1pm_;
   double floor_m_;
   double ceiling_m_;

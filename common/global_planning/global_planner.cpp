@@ -1,7 +1,6 @@
 #include "global_planning/global_planner.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <ompl/base/Planner.h>
@@ -19,10 +18,9 @@
 #include "global_planning/cost_bound.hpp"
 #include "global_planning/enclosure.hpp"
 #include "global_planning/flight_envelope.hpp"
-#include "global_planning/lattice_search.hpp"
+#include "global_planning/lattice_route.hpp"
 #include "global_planning/reachability.hpp"
 #include "global_planning/route_finish.hpp"
-#include "global_planning/track_profile.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
@@ -36,9 +34,6 @@ constexpr std::int64_t kShortcutWorkMax = 5000;
 // A third of the budget is kept for the refinement, except by the lattice, which spends no more
 // than it needs for its one route.
 constexpr std::int64_t kRefineShare = 3;
-constexpr double kProfileStep_m = 10.0;
-// The second one only where the profile of the first track does not fit between its samples.
-constexpr std::array<LatticeSpare, 2> kLatticeSpares = {{{2.0, 0.97}, {6.0, 0.85}}};
 constexpr double kCostStep_m = 1.0;  // of the cost that is reported
 // BIT* after a lattice that found nothing: it seldom succeeds, and then soon.
 constexpr std::int64_t kFallbackWork = 200000;
@@ -247,18 +242,8 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
   };
   tell(std::numeric_limits<double>::infinity());
   if (options.use_lattice) {
-    for (const LatticeSpare& spare : kLatticeSpares) {
-      const LatticeResult found =
-          search_lattice(envelope, options, spare, search_budget - route.work_units, should_stop);
-      route.work_units += found.work_units;
-      if (found.track.empty()) {
-        break;
-      }
-      route.waypoints = lowest_profile(envelope, found.track, kProfileStep_m);
-      if (!route.waypoints.empty()) {
-        break;
-      }
-    }
+    route.waypoints =
+        lattice_route(envelope, options, search_budget, route.work_units, should_stop);
   }
   if (route.waypoints.empty()) {
     const std::int64_t spent = route.work_units;

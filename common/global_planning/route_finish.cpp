@@ -44,7 +44,7 @@ bool are_turns_allowed(const FlightEnvelope& envelope,
 void cut_short(const FlightEnvelope& envelope, double step_m, std::int64_t work_budget,
                std::int64_t& work_units, std::vector<flight::Waypoint>& waypoints) {
   const auto cost_m = [&](const flight::Waypoint& a, const flight::Waypoint& b) {
-    return envelope.costs().route_cost({a, b}, step_m).total_m();
+    return envelope.route_cost_m({a, b}, step_m);
   };
   // Corners as far as the leg from i to j can touch them: the straight runs beside it and their
   // other ends.

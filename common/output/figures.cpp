@@ -61,6 +61,7 @@ struct Box {
 struct Scene {
   const flight::Plan* plan = nullptr;
   const map::Map* map = nullptr;
+  const flight::RouteChoices* choices = nullptr;  // drawn in place of the plan's paths, if any
   MapWindow window;
   std::vector<double> distance_km;  // along the flown track, for each state
   PlanDemands demands;
@@ -78,14 +79,20 @@ bool has_areas(const map::Map& map, bool is_hard) {
                      [&](const map::Area& area) { return area.is_hard == is_hard; });
 }
 
-Scene scene_of(const flight::Plan& plan, const map::Map& map) {
+Scene scene_of(const flight::Plan& plan, const map::Map& map,
+               const flight::RouteChoices* choices = nullptr) {
   if (plan.trajectory.states.size() < 2 || plan.route_plan.route.waypoints.size() < 2) {
     throw DataError("figures: the plan has no path to draw", "plan again");
   }
   Scene scene;
   scene.plan = &plan;
   scene.map = &map;
-  scene.window = window_around({&plan}, map);
+  scene.choices = choices;
+  std::vector<const std::vector<flight::Waypoint>*> routes;
+  for (std::size_t i = 0; choices != nullptr && i < choices->routes.size(); ++i) {
+    routes.push_back(&choices->routes[i].plan.route.waypoints);
+  }
+  scene.window = window_around({&plan}, map, routes);
   scene.range = surface_range(map, scene.window);
   scene.visibility_high = visibility_scale(map, scene.window);
   scene.headings = followed_headings(plan.trajectory);
@@ -289,6 +296,9 @@ std::string metres_text(double value_m) {
 }
 
 std::string title_of(const Scene& scene) {
+  if (scene.choices != nullptr) {
+    return "Routes to choose from: " + std::to_string(scene.choices->routes.size());
+  }
   const flight::Plan& plan = *scene.plan;
   const std::string verdict = plan.verdict.is_verified
                                   ? "verified"
@@ -301,6 +311,11 @@ std::string title_of(const Scene& scene) {
 
 std::string subtitle_of(const Scene& scene) {
   const flight::Plan& plan = *scene.plan;
+  if (scene.choices != nullptr) {
+    return "plan " + plan.route_plan.request_id.hex().substr(0, 12) + ", map " +
+           plan.route_plan.map.hash.hex().substr(0, 12) + ", seed " +
+           std::to_string(plan.route_plan.request.seed);
+  }
   std::string text = "mean height above the surface " + metres_text(plan.measures.mean_height_m);
   if (scene.demands.ceiling_height_m) {
     text += text_of(", %.1f %% of the length under %.0f m",
@@ -403,6 +418,11 @@ std::array<std::pair<double, double>, 4> corners_far_from_paths(const Scene& sce
     }
     for (const flight::Waypoint& waypoint : scene.plan->route_plan.route.waypoints) {
       include(waypoint.x_m, waypoint.y_m);
+    }
+    for (std::size_t i = 0; scene.choices != nullptr && i < scene.choices->routes.size(); ++i) {
+      for (const flight::Waypoint& waypoint : scene.choices->routes[i].plan.route.waypoints) {
+        include(waypoint.x_m, waypoint.y_m);
+      }
     }
     return nearest;
   };
@@ -527,6 +547,20 @@ void add_map_panel(Script& script, const Scene& scene, const MapPanel& panel, co
                   hex(is_hard ? kNoFlyColor : kAvoidColor).c_str()));
     }
   }
+  if (scene.choices != nullptr) {
+    // The plan's own last, so that it lies on top.
+    for (std::size_t k = scene.choices->routes.size(); k-- > 0;) {
+      script.add(
+          text_of("  'choice_%zu.dat' using 1:2 with lines lw 5.4 lc rgb '#000000', \\\n"
+                  "  'choice_%zu.dat' using 1:2 with lines lw 3.4 lc rgb '%s', \\\n",
+                  k, k, choice_color(k).c_str()));
+    }
+    script.add(
+        "  'ends.dat' using 1:2 with points pt 7 ps 1.9 lc rgb '#000000', \\\n"
+        "  'ends.dat' using 1:2 with points pt 7 ps 1.3 lc rgb '#ffffff'\n");
+    script.clear_marks();
+    return;
+  }
   script.add(
       "  'route.dat' using 1:2 with lines lw 6.6 lc rgb '#000000', \\\n"
       "  'route.dat' using 1:2 with lines ls 1, \\\n"
@@ -608,6 +642,27 @@ void add_path_legend(Script& script, double width_px, double height_px) {
                   y_px / height_px, lw, c));
     }
     x_px -= 62.0;
+  }
+}
+
+/// The routes to choose from, each on a line below the title.
+void add_choice_legend(Script& script, const Scene& scene, double width_px, double height_px) {
+  const auto& routes = scene.choices->routes;
+  for (std::size_t i = 0; i < routes.size(); ++i) {
+    const double y_px = height_px - kTitle_px - kLegendLine_px * (static_cast<double>(i) + 0.5);
+    for (const auto& [lw, color] :
+         {std::pair(6.5, std::string("#000000")), std::pair(3.5, choice_color(i))}) {
+      script.add(text_of(
+          "set arrow from screen %.5f, screen %.5f to screen %.5f, screen %.5f nohead "
+          "lw %.1f lc rgb '%s'\n",
+          24.0 / width_px, y_px / height_px, 58.0 / width_px, y_px / height_px, lw, color.c_str()));
+    }
+    const flight::RouteMeasures& m = routes[i].measures;
+    script.label(routes[i].name, 70.0, y_px,
+                 "left font 'DejaVu Sans:Bold,11' textcolor rgb '#202020'");
+    script.label(text_of("%.2f km, seen %.0f m, land use %.0f m", m.length_m / 1000.0,
+                         m.visibility_m, m.semantics_m),
+                 230.0, y_px, "left font 'DejaVu Sans,11' textcolor rgb '#404040'");
   }
 }
 
@@ -787,6 +842,38 @@ void add_profiles(Script& script, const Scene& scene, const Box& area) {
   script.add("unset grid\nset ytics auto\n");
 }
 
+/// Folder, pictures of the layers, and the data that all maps of a figure show.
+void write_layers(const Scene& scene, const fs::path& folder) {
+  const map::Map& map = *scene.map;
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) {
+    throw SystemFailure("figures: " + folder.string() + ": " + error.message(),
+                        "give a folder that can be written");
+  }
+  write_file_atomically(folder / "surface.rgb",
+                        surface_image(map, scene.window, kImageColumns).bytes);
+  write_file_atomically(
+      folder / "visibility.rgb",
+      visibility_image(map, scene.window, kImageColumns, scene.visibility_high).bytes);
+  write_file_atomically(folder / "semantics.rgb",
+                        semantics_image(map, scene.window, kImageColumns).bytes);
+  for (const bool is_upright : {false, true}) {
+    const std::string suffix = is_upright ? "_up.rgb" : "_across.rgb";
+    write_file_atomically(folder / ("surface_bar" + suffix), bar_bytes(surface_tint, is_upright));
+    write_file_atomically(folder / ("visibility_bar" + suffix),
+                          bar_bytes(visibility_color, is_upright));
+  }
+  write_file_atomically(folder / "ends.dat",
+                        paths_text({scene.plan->route_plan.start, scene.plan->route_plan.goal}));
+  write_file_atomically(folder / "overhead_lines.dat", overhead_lines_text(scene));
+  write_file_atomically(folder / "obstacles.dat", obstacles_text(scene));
+  for (const bool is_hard : {false, true}) {
+    write_file_atomically(folder / (std::string(area_file(is_hard)) + ".dat"),
+                          areas_text(scene, is_hard));
+  }
+}
+
 /// Draws one figure in every format, each of which appears under its name only when it is complete.
 void draw(const fs::path& folder, const std::string& name, const Script& script) {
   write_file_atomically(folder / (name + ".gp"), script.finished());
@@ -816,37 +903,11 @@ void draw(const fs::path& folder, const std::string& name, const Script& script)
 
 void write_figures(const flight::Plan& plan, const map::Map& map, const fs::path& folder) {
   const Scene scene = scene_of(plan, map);
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    throw SystemFailure("figures: " + folder.string() + ": " + error.message(),
-                        "give a folder that can be written");
-  }
-  write_file_atomically(folder / "surface.rgb",
-                        surface_image(map, scene.window, kImageColumns).bytes);
-  write_file_atomically(
-      folder / "visibility.rgb",
-      visibility_image(map, scene.window, kImageColumns, scene.visibility_high).bytes);
-  write_file_atomically(folder / "semantics.rgb",
-                        semantics_image(map, scene.window, kImageColumns).bytes);
-  for (const bool is_upright : {false, true}) {
-    const std::string suffix = is_upright ? "_up.rgb" : "_across.rgb";
-    write_file_atomically(folder / ("surface_bar" + suffix), bar_bytes(surface_tint, is_upright));
-    write_file_atomically(folder / ("visibility_bar" + suffix),
-                          bar_bytes(visibility_color, is_upright));
-  }
+  write_layers(scene, folder);
   write_file_atomically(folder / "route.dat", paths_text(plan.route_plan.route.waypoints));
-  write_file_atomically(folder / "ends.dat",
-                        paths_text({plan.route_plan.start, plan.route_plan.goal}));
   write_file_atomically(folder / "planned.dat", planned_altitude_text(scene));
   write_file_atomically(folder / "profile.dat", profile_text(scene));
   write_file_atomically(folder / "heading.dat", heading_text(scene));
-  write_file_atomically(folder / "overhead_lines.dat", overhead_lines_text(scene));
-  write_file_atomically(folder / "obstacles.dat", obstacles_text(scene));
-  for (const bool is_hard : {false, true}) {
-    write_file_atomically(folder / (std::string(area_file(is_hard)) + ".dat"),
-                          areas_text(scene, is_hard));
-  }
 
   const double footer_px = Script::footer_px(scene);
   const bool is_wide = scene.window.width_m() > 1.6 * scene.window.height_m();
@@ -883,6 +944,34 @@ void write_figures(const flight::Plan& plan, const map::Map& map, const fs::path
     add_profiles(script, scene, {0.0, footer_px, width_px, profiles_px});
     draw(folder, "plan", script);
   }
+}
+
+void write_choice_figure(const flight::Plan& plan, const map::Map& map,
+                         const flight::RouteChoices& choices, const fs::path& folder) {
+  const Scene scene = scene_of(plan, map, &choices);
+  // The window is another one than that of the plan alone.
+  const fs::path inside = folder / "alternatives";
+  write_layers(scene, inside);
+  for (std::size_t i = 0; i < choices.routes.size(); ++i) {
+    write_file_atomically(inside / text_of("choice_%zu.dat", i),
+                          paths_text(choices.routes[i].plan.route.waypoints));
+  }
+  const double legend_px = kLegendLine_px * static_cast<double>(choices.routes.size()) + 8.0;
+  const double footer_px = Script::footer_px(scene);
+  const bool is_wide = scene.window.width_m() > 1.6 * scene.window.height_m();
+  const double width_px = is_wide ? 1500.0 : 2100.0;
+  const double area_px =
+      is_wide ? stacked_height_px(scene, width_px) : side_by_side_height_px(scene, width_px);
+  const double height_px = std::ceil(kTitle_px + legend_px + area_px + footer_px);
+  Script script(scene, width_px, height_px, "alternatives");
+  add_choice_legend(script, scene, width_px, height_px);
+  const Box area{0.0, footer_px, width_px, area_px};
+  if (is_wide) {
+    add_maps_stacked(script, scene, area);
+  } else {
+    add_maps_side_by_side(script, scene, area);
+  }
+  draw(inside, "alternatives", script);
 }
 
 }  // namespace hedgehop::output

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "flight/plan.hpp"
+#include "flight/route_choice.hpp"
 #include "map/map.hpp"
 
 namespace hedgehop::output {
@@ -21,5 +22,11 @@ namespace hedgehop::output {
 /// @note  About 4 s, most of it gnuplot.
 void write_figures(const flight::Plan& plan, const map::Map& map,
                    const std::filesystem::path& folder);
+
+/// Draws routes to choose from into `folder`/alternatives: `alternatives.png`, `.svg` and `.pdf`,
+/// the maps of `map.png` with each route in a colour of its own and, below the title, what it is
+/// chosen by. `plan` is the one that they are alternatives to. Errors as above.
+void write_choice_figure(const flight::Plan& plan, const map::Map& map,
+                         const flight::RouteChoices& choices, const std::filesystem::path& folder);
 
 }  // namespace hedgehop::output

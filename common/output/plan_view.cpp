@@ -1,6 +1,7 @@
 #include "output/plan_view.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -54,7 +55,8 @@ Headings followed_headings(const flight::Trajectory& trajectory) {
   return headings;
 }
 
-MapWindow window_around(const std::vector<const flight::Plan*>& plans, const map::Map& map) {
+MapWindow window_around(const std::vector<const flight::Plan*>& plans, const map::Map& map,
+                        const std::vector<const std::vector<flight::Waypoint>*>& routes) {
   const raster::GridGeometry& g = map.geometry;
   MapWindow window{1e300, 1e300, -1e300, -1e300};
   const auto include = [&](const geo::MapPoint& p) {
@@ -68,6 +70,11 @@ MapWindow window_around(const std::vector<const flight::Plan*>& plans, const map
       include(state.point());
     }
     for (const flight::Waypoint& waypoint : plan->route_plan.route.waypoints) {
+      include(waypoint.point());
+    }
+  }
+  for (const std::vector<flight::Waypoint>* route : routes) {
+    for (const flight::Waypoint& waypoint : *route) {
       include(waypoint.point());
     }
   }
@@ -89,6 +96,12 @@ MapWindow window_around(const std::vector<const flight::Plan*>& plans, const map
                     "give the map that the plan was made on");
   }
   return window;
+}
+
+std::string choice_color(std::size_t choice) {
+  static constexpr std::array<const char*, 6> kColors = {"#9be564", "#ff5fa2", "#ffb000",
+                                                         "#b58cff", "#35d0ba", "#ff7043"};
+  return kColors[choice % kColors.size()];
 }
 
 double round_number_below(double value) {

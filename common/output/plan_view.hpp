@@ -30,9 +30,13 @@ struct Headings {
 };
 Headings followed_headings(const flight::Trajectory& trajectory);
 
-/// Part of the map around both paths of all these plans, with a margin. Throws DataError if they
-/// lie outside the map.
-MapWindow window_around(const std::vector<const flight::Plan*>& plans, const map::Map& map);
+/// Part of the map around both paths of all these plans and these further routes, with a margin.
+/// Throws DataError if they lie outside the map.
+MapWindow window_around(const std::vector<const flight::Plan*>& plans, const map::Map& map,
+                        const std::vector<const std::vector<flight::Waypoint>*>& routes = {});
+
+/// "#rrggbb" in which one of several routes to choose from is drawn; 0 is the plan's own.
+std::string choice_color(std::size_t choice);
 
 /// 1, 2 or 5 times a power of ten, at most `value` > 0.
 double round_number_below(double value);

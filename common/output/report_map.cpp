@@ -144,6 +144,10 @@ std::string legends(const ReportContent& content, const DrawingFrame& frame) {
   const map::Map& map = *content.map;
   std::string keys = "<ul class=\"keys\"><li>" + key_line("#1583d0", "flown trajectory") +
                      "</li><li>" + key_line("#58a618", "planned route") + "</li>";
+  for (std::size_t i = 1; i < content.choices.size(); ++i) {
+    keys += "<li>" + key_line(choice_color(i), "route '" + content.choices[i].route.name + "'") +
+            "</li>";
+  }
   if (!content.alternatives.empty()) {
     keys += "<li>" + key_line("#ffd23f", "alternatives", true) + "</li>";
   }
@@ -193,7 +197,11 @@ DrawingFrame drawing_frame(const ReportContent& content) {
   for (const ReportAlternative& alternative : content.alternatives) {
     plans.push_back(alternative.plan);
   }
-  return {window_around(plans, *content.map)};
+  std::vector<const std::vector<flight::Waypoint>*> routes;
+  for (const ReportChoice& choice : content.choices) {
+    routes.push_back(&choice.route.waypoints);
+  }
+  return {window_around(plans, *content.map, routes)};
 }
 
 std::string report_map(const ReportContent& content, const DrawingFrame& frame) {
@@ -224,6 +232,17 @@ std::string report_map(const ReportContent& content, const DrawingFrame& frame) 
                 html_escaped(alternative.name) + "</title></path>";
     }
     layers.push_back({"layer-alternatives", "alternatives", others, true});
+  }
+  if (content.choices.size() > 1) {
+    std::string routes;
+    for (std::size_t i = 1; i < content.choices.size(); ++i) {
+      const ListedRoute& choice = content.choices[i].route;
+      const std::string path = path_of(choice.waypoints, frame);
+      routes += stroked(path, "track-casing") + "<path class=\"choice\" stroke=\"" +
+                choice_color(i) + "\" d=\"" + path + "\"><title>" + html_escaped(choice.name) +
+                "</title></path>";
+    }
+    layers.push_back({"layer-choices", "routes to choose from", routes, true});
   }
   const std::string route = path_of(content.plan->route_plan.route.waypoints, frame);
   layers.push_back(

@@ -498,14 +498,52 @@ class Page {
     return html + margins.finished() + "</section>\n";
   }
 
+  /// Routes that were planned together with the one of this plan.
+  [[nodiscard]] std::string choices() const {
+    if (c_.choices.empty()) {
+      return "";
+    }
+    Table table("choice-table",
+                "Routes to choose from. Seen: integral of the square of the visibility along the "
+                "route; land use: integral of its cost. No weights, so that rows can be compared.");
+    table.head({"<", "<route", "length", "seen", "land use", "runs with others", "flown in",
+                "least clearance", "<verdict"});
+    for (std::size_t i = 0; i < c_.choices.size(); ++i) {
+      const ReportChoice& choice = c_.choices[i];
+      const ListedRoute& route = choice.route;
+      const flight::Plan* flown = i == 0 ? &plan_ : choice.flown;
+      const bool is_verified =
+          i == 0 ? c_.check.verdict.is_verified : flown != nullptr && flown->verdict.is_verified;
+      table.row({key_line(i == 0 ? "#58a618" : choice_color(i), ""),
+                 html_escaped(route.name) + (i == 0 ? " (this plan)" : ""),
+                 fixed_text(route.measures.length_m / 1000.0, 2) + " km",
+                 fixed_text(route.measures.visibility_m, 0) + " m",
+                 fixed_text(route.measures.semantics_m, 0) + " m",
+                 fixed_text(100.0 * route.shared_share, 0) + " %",
+                 flown != nullptr ? clock_text(flown->measures.duration_s) : "not flown",
+                 flown != nullptr ? fixed_text(flown->verdict.clearance_min_m, 1) + " m" : "",
+                 flown == nullptr ? ""
+                 : is_verified    ? "verified"
+                                  : "not verified"});
+    }
+    return table.finished() +
+           (c_.why_no_more_choices.empty()
+                ? ""
+                : paragraph("Why there are no more: " + html_escaped(c_.why_no_more_choices) + ".",
+                            "soft"));
+  }
+
   [[nodiscard]] std::string alternatives() const {
-    std::string html = "<section id=\"alternatives\"><h2>Alternatives</h2>\n";
+    std::string html = "<section id=\"alternatives\"><h2>Alternatives</h2>\n" + choices();
     if (c_.alternatives.empty()) {
       return html +
-             paragraph(
-                 "None was given. hedgehop report --compare OTHER_PLAN shows other plans on "
-                 "the same map beside this one.",
-                 "soft") +
+             (c_.choices.empty()
+                  ? paragraph(
+                        "None was given. hedgehop plan --alternatives plans further routes to "
+                        "choose from, hedgehop report --compare OTHER_PLAN shows other plans "
+                        "on the same map beside this one.",
+                        "soft")
+                  : "") +
              "</section>\n";
     }
     Table table("alternative-table", "Costs under the configuration of this plan.");

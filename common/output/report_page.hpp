@@ -13,6 +13,7 @@
 #include "flight/plan.hpp"
 #include "map/map.hpp"
 #include "map/map_bundle.hpp"
+#include "output/route_choices.hpp"
 #include "verification/plan_check.hpp"
 
 namespace hedgehop::output {
@@ -22,6 +23,12 @@ struct ReportAlternative {
   std::string name;
   const flight::Plan* plan = nullptr;
   flight::RouteCost flown;  // CostProfile::total() under the config of the reported plan
+};
+
+/// A route that was planned together with the reported one, to choose from.
+struct ReportChoice {
+  ListedRoute route;
+  const flight::Plan* flown = nullptr;  // null: not flown, or no flight along it arrives
 };
 
 /// Everything that a report tells; what is pointed to must outlive the call.
@@ -41,6 +48,8 @@ struct ReportContent {
   std::optional<Time> start_time;
   std::optional<double> declination_rad;  // positive where magnetic north lies east of true north
   std::vector<ReportAlternative> alternatives;
+  std::vector<ReportChoice> choices;  // the reported plan's own route first; empty without any
+  std::string why_no_more_choices;
 };
 
 /// The report as one HTML page that needs nothing else: pictures, styles and script are part of it,

@@ -123,6 +123,7 @@ CostModel::CostModel(const map::Map& map, const CostWeights& weights,
       density_(weights, reference_height_m.value_or(map.reference_height_m), heights_of(map)),
       visibility_(map.geometry, 0.0F),
       unknown_visibility_(unknown_visibility),
+      small_patch_m_(small_patch_m),
       land_use_(map.geometry, 0.0F),
       soft_area_(semantics.soft_area()),
       areas_(map) {
@@ -164,6 +165,56 @@ CostModel::CostModel(const map::Map& map, const CostWeights& weights,
       }
     }
   }
+}
+
+CostModel CostModel::reweighted(double visibility, double semantics) const {
+  CostModel other = *this;
+  other.weights_.visibility = visibility;
+  other.weights_.semantics = semantics;
+  other.density_ = CostDensity(other.weights_, density_.reference_height_m(), density_.heights_m());
+  return other;
+}
+
+raster::Window CostModel::visibility_changed(const raster::Window& changed) {
+  // A patch is closed by rows of cells that begin and end this far away at most.
+  const int reach = 2 * static_cast<int>(std::ceil(small_patch_m_ / map_->geometry.cell_m));
+  const auto grown = [&](const raster::Window& window, int by) {
+    const int west = std::max(window.column - by, 0);
+    const int south = std::max(window.row - by, 0);
+    const int east = std::min(window.column + window.columns + by, map_->geometry.columns);
+    const int north = std::min(window.row + window.rows + by, map_->geometry.rows);
+    return raster::Window{west, south, std::max(east - west, 0), std::max(north - south, 0)};
+  };
+  const raster::Window inner = grown(changed, reach);
+  const raster::Window outer = grown(changed, 2 * reach);
+  const std::vector<double>& heights_m = density_.heights_m();
+  for (std::size_t k = 0; k < heights_m.size(); ++k) {
+    const raster::Grid<std::uint16_t>& stored = band_at(*map_, heights_m[k]);
+    raster::Grid<float> band({0.0, 0.0, map_->geometry.cell_m, outer.columns, outer.rows}, 0.0F);
+    for (int row = 0; row < outer.rows; ++row) {
+      for (int column = 0; column < outer.columns; ++column) {
+        band.at(column, row) = static_cast<float>(
+            share_of(stored.at(outer.column + column, outer.row + row), unknown_visibility_));
+      }
+    }
+    const raster::Grid<float> closed = without_small_patches(band, small_patch_m_);
+    for (int row = 0; row < inner.rows; ++row) {
+      for (int column = 0; column < inner.columns; ++column) {
+        const std::size_t cell = static_cast<std::size_t>(inner.row + row) *
+                                     static_cast<std::size_t>(map_->geometry.columns) +
+                                 static_cast<std::size_t>(inner.column + column);
+        visibilities_[cell * heights_m.size() + k] =
+            closed.at(inner.column + column - outer.column, inner.row + row - outer.row);
+      }
+    }
+  }
+  for (int row = inner.row; row < inner.row + inner.rows; ++row) {
+    for (int column = inner.column; column < inner.column + inner.columns; ++column) {
+      visibility_.at(column, row) = static_cast<float>(
+          density_.seen(visibilities({column, row}), density_.reference_height_m()));
+    }
+  }
+  return inner;
 }
 
 double CostModel::seen(const geo::MapPoint& point, double height_m) const {

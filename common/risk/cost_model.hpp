@@ -10,6 +10,7 @@
 #include "flight/route.hpp"
 #include "flight/trajectory.hpp"
 #include "map/map.hpp"
+#include "raster/window.hpp"
 #include "risk/area_index.hpp"
 
 namespace hedgehop::risk {
@@ -130,6 +131,14 @@ class CostModel {
   [[nodiscard]] const map::Map& map() const { return *map_; }
   [[nodiscard]] const CostWeights& weights() const { return weights_; }
 
+  /// The same map with other weights of visibility and land use; layers are copied, not computed.
+  [[nodiscard]] CostModel reweighted(double visibility, double semantics) const;
+
+  /// Takes in what the visibility of the map has become inside `changed`: the same then as a model
+  /// made anew. O(cells of `changed`).
+  /// @return  the cells whose values may have changed: more, as small patches reach beyond.
+  raster::Window visibility_changed(const raster::Window& changed);
+
   /// The integrand for kernels, and the visibilities of a cell for it: one after the other by
   /// density_rule().heights_m().
   [[nodiscard]] const CostDensity& density_rule() const { return density_; }
@@ -184,6 +193,7 @@ class CostModel {
   std::vector<float> visibilities_;  // by cell, then by height of density_
   raster::Grid<float> visibility_;
   double unknown_visibility_;
+  double small_patch_m_;
   raster::Grid<float> land_use_;
   raster::Grid<float> semantics_;  // the same with soft areas
   double soft_area_;

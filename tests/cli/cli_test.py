@@ -714,6 +714,7 @@ class ExitCodes(CliTest):
         "evaluate table2": (["--map", "none"], 5),
         "evaluate local-safety": (["--map", "none"], 5),
         "evaluate optimality": (["--map", "none"], 5),
+        "evaluate replanning": (["--map", "none"], 5),
         "evaluate local-speed": (["--threads", "0"], 2),
         "evaluate verifier": (["--map", "none"], 5),
         "evaluate random": (["--map", "none"], 5),
@@ -1022,6 +1023,41 @@ class Json(CliTest):
         self.assertEqual(sorted(path.name for path in (self.work / "plan" / "figures").iterdir() if path.suffix in (".gp", ".pdf", ".svg", ".png")),
                          sorted(f"{name}.{suffix}" for name in ("map", "plan", "profile") for suffix in ("gp", "pdf", "png", "svg")))
 
+    def test_routes_to_choose_from(self):
+        more = self.work / "alternatives.yaml"
+        more.write_text("routes_max: 3\nshared_share_max: 0.9\ngain_min: 0.0\n")
+        found = self.one_object(*self.plan_arguments("--fly-alternatives", "--alternatives-config", more, "--figures"),
+                                allowed=(0, 4))
+        choices = json.loads((self.work / "plan" / "alternatives.json").read_text())
+        self.assertEqual((choices["schema"], choices["request_id"]), ("hedgehop alternatives", found["request_id"]))
+        self.assertEqual([route["name"] for route in choices["routes"]],
+                         [route["name"] for route in found["alternatives"]["routes"]])
+        self.assertEqual(choices["routes"][0]["name"], "main")
+        self.assertLessEqual(len(choices["routes"]), 3)
+        if len(choices["routes"]) < 3:
+            self.assertTrue(choices["why_no_more"])
+        lines = json.loads((self.work / "plan" / "alternatives.geojson").read_text())["features"]
+        self.assertEqual(len(lines), len(choices["routes"]))
+        self.assertTrue((self.work / "plan" / "figures" / "alternatives" / "alternatives.svg").exists())
+        for route in choices["routes"][1:]:
+            self.assertLessEqual(max(route["shared"].values()), 0.9)
+            folder = self.work / "plan" / route["flown"]["plan"]
+            verified = self.one_object("verify", folder, "--map", self.map, allowed=(0, 4))
+            self.assertEqual(verified["is_verified"], route["flown"]["is_verified"])
+        self.one_object("report", self.work / "plan", "--map", self.map, "--no-figures")
+        page = (self.work / "plan" / "report.html").read_text()
+        for route in choices["routes"]:
+            self.assertIn(f">{route['name']}", page[page.index('id="choice-table"'):])
+        # the plan itself is the one without alternatives
+        self.one_object(*self.plan_arguments()[:-1], self.work / "alone", allowed=(0, 4))
+        for name in ("plan.json", "trajectory.csv", "route.geojson"):
+            self.assertEqual((self.work / "alone" / name).read_bytes(), (self.work / "plan" / name).read_bytes())
+        text = self.hedgehop(*self.plan_arguments("--alternatives", "--overwrite")).stdout
+        self.assertRegex(text, r"(?m)^main +[\d.]+ km .* (NOT )?verified$")
+        self.assert_refused(self.plan_arguments("--alternatives", "--dem-error-m", "2", "--violation-probability", "0.1",
+                                                "--overwrite"), 2, ["--violation-probability"])
+        self.assert_refused(self.plan_arguments("--alternatives-config", more, "--overwrite"), 2, ["--alternatives"])
+
     def test_report_replaces_nothing_unasked_and_keeps_figures(self):
         shutil.copytree(self.plan, self.work / "plan")
         report, figures = self.work / "plan" / "report.html", self.work / "plan" / "figures"
@@ -1258,6 +1294,16 @@ class Json(CliTest):
         self.assertEqual(result.returncode, 2)
         self.assertIn("best_ever", result.stderr)
         self.assertIn("ompl_abitstar", result.stderr)
+
+    def test_evaluate_replanning(self):
+        found = self.one_object("evaluate", "replanning", "--map", self.map, "--events", "3", "--distance", "5000", "--seed", "5")
+        self.assertEqual((found["seed"], found["events"], len(found["rows"])), (5, 3, 3))
+        self.assertEqual(found["valid"], sum(row["is_valid"] for row in found["rows"]))
+        for row in found["rows"]:
+            self.assertTrue(row["is_valid"])
+            self.assertEqual(row["claimed_cost_m"], row["cost_m"])
+            self.assertLessEqual(row["polished_m"], row["cost_m"])
+        self.assertLessEqual(found["warm_s"]["median"], found["warm_s"]["max"])
 
     def test_evaluate_local_speed(self):
         found = self.one_object("evaluate", "local-speed", "--repeats", "1", "--reference-repeats", "1", "--length", "2000")

@@ -11,6 +11,7 @@
 #include "flight/plan.hpp"
 #include "flight/plan_request.hpp"
 #include "flight/route.hpp"
+#include "flight/route_choice.hpp"
 #include "flight/vehicle.hpp"
 
 namespace hedgehop::flight {
@@ -110,6 +111,40 @@ TEST(PlanRequestId, ChangesWithEverythingThatIsAsked) {
   }
   EXPECT_EQ(ids.size(), 11U);
   EXPECT_EQ(plan_request_id(request, map, "config"), plan_request_id(request, map, "config"));
+}
+
+TEST(SharedShare, CountsWhatRunsAlongTheOtherRouteAndNoMore) {
+  // GIVEN a straight route of 10 km
+  const std::vector<Waypoint> straight = {{0, 0, 0}, {10000, 0, 500}};
+  // WHEN another runs 200 m beside its first 4 km, then leaves at a right angle
+  const std::vector<Waypoint> leaving = {{0, 200, 0}, {4000, 200, 0}, {4000, 6200, 0}};
+  // THEN it shares those and 100 m of the way out; the straight one is near to it until
+  // sqrt(300^2 - 200^2) = 224 m past the corner
+  EXPECT_NEAR(shared_share(leaving, straight, 300.0), 4100.0 / 10000.0, 0.0011);
+  EXPECT_NEAR(shared_share(straight, leaving, 300.0), (4000.0 + 223.6) / 10000.0, 0.0011);
+  EXPECT_EQ(shared_share(leaving, straight, 199.0), 0.0);
+  EXPECT_EQ(shared_share(straight, straight, 0.001), 1.0);
+  // A crossing at right angles shares 2 x 300 m.
+  EXPECT_NEAR(shared_share({{5000, -3000, 0}, {5000, 3000, 0}}, straight, 300.0), 0.1, 0.002);
+}
+
+TEST(SharedShare, NamesTheMiddleOfTheLongestStretch) {
+  const std::vector<Waypoint> straight = {{0, 0, 0}, {10000, 0, 0}};
+  // Beside it for 1 km, far away, and beside it again for 3 km.
+  const std::vector<Waypoint> other = {{0, 0, 0},       {1000, 0, 0}, {1000, 5000, 0},
+                                       {7000, 5000, 0}, {7000, 0, 0}, {10000, 0, 0}};
+  const geo::MapPoint middle = longest_shared_stretch(other, straight, 300.0);
+  EXPECT_NEAR(middle.x_m, 0.5 * (7000.0 - 300.0 + 10000.0), 160.0);
+  EXPECT_NEAR(middle.y_m, 0.0, 1e-9);
+}
+
+TEST(RouteMeasures, OneMustBeBetterByAShareOfTheOther) {
+  const RouteMeasures one{10000, 500, 0};
+  EXPECT_FALSE(is_better_in_something(one, one, 0.0));
+  EXPECT_FALSE(is_better_in_something(one, {10000, 505, 0}, 0.02));
+  EXPECT_TRUE(is_better_in_something(one, {10000, 520, 0}, 0.02));
+  EXPECT_TRUE(is_better_in_something(one, {9000, 400, 1}, 0.02)) << "no land use against some";
+  EXPECT_FALSE(is_better_in_something({9000, 400, 0}, {8000, 300, 0}, 0.0));
 }
 
 }  // namespace

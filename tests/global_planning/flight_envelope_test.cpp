@@ -251,5 +251,52 @@ TEST(FlightEnvelope, TurnsAreLimitedByAngleAndByTheRoomForTheArc) {
   EXPECT_TRUE(turn(by_radius, 0.0, 1.0, 1.0));
 }
 
+TEST(FlightEnvelope, OnTheSameGroundOtherCostsAreThoseOfAnEnvelopeOfTheirOwn) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 100, 30.0, 1500.0, 60.0), kWeights);
+  const GlobalOptions options = plain_options();
+  FlightEnvelope ground = envelope_of(in, options);
+  ground.avoid({{500.0, 500.0, 0.0}, {2500.0, 2000.0, 0.0}}, 400.0, 5.0);
+  const risk::CostModel costs = in.costs.reweighted(3.0, 1.0);
+  const FlightEnvelope found(ground, costs);
+  const FlightEnvelope wanted(costs, options, in.above(100.0, 100.0, 30.0),
+                              in.above(2900.0, 2900.0, 30.0));
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> place(200.0, 2800.0);
+  int flyable = 0;
+  for (int i = 0; i < 300; ++i) {
+    const Waypoint a = in.above(place(random), place(random), 60.0);
+    const Waypoint b = in.above(a.x_m + 60.0, a.y_m + 40.0, 60.0);
+    EXPECT_EQ(found.leg_cost_m(a, b), wanted.leg_cost_m(a, b)) << seed;
+    EXPECT_EQ(found.route_cost_m({a, b}, 1.0), costs.route_cost({a, b}, 1.0).total_m()) << seed;
+    EXPECT_EQ(found.is_clear(a, b), wanted.is_clear(a, b)) << seed;
+    flyable += found.is_clear(a, b) ? 1 : 0;
+  }
+  EXPECT_GT(flyable, 50) << seed;
+}
+
+TEST(FlightEnvelope, AMetreBesideAnAvoidedRouteCostsMoreAndFartherAwayNothing) {
+  // GIVEN level ground where a metre at reference height costs 1
+  const PlanningCase in(test::make_map(100, 100, 30.0, [](double, double) { return 100.0; }),
+                        risk::CostWeights{});
+  FlightEnvelope envelope = envelope_of(in, plain_options());
+  const std::vector<Waypoint> route = {{600.0, 1500.0, 140.0}, {2400.0, 1500.0, 140.0}};
+  const raster::CellIndex beside{50, 50};
+  const double bound = envelope.least_density(beside);
+  // WHEN a route is avoided, then the same one less
+  envelope.avoid(route, 300.0, 2.5);
+  envelope.avoid(route, 300.0, 1.0);
+  // THEN 1800 m on it cost 1800 (1 + 2.5), by the search's steps and by the fine ones
+  EXPECT_NEAR(envelope.leg_cost_m(route[0], route[1]), 6300.0, 1e-6);
+  EXPECT_NEAR(envelope.route_cost_m(route, 1.0), 6300.0, 1e-6);
+  const std::vector<Waypoint> far = {{600.0, 1840.0, 140.0}, {2400.0, 1840.0, 140.0}};
+  EXPECT_NEAR(envelope.leg_cost_m(far[0], far[1]), 1800.0, 1e-6);
+  EXPECT_NEAR(envelope.route_cost_m(far, 1.0), 1800.0, 1e-6);
+  // A leg that comes from 900 m away has the last 300 m of them inside, by whole cells.
+  EXPECT_NEAR(envelope.route_cost_m({{1500.0, 600.0, 140.0}, {1500.0, 1500.0, 140.0}}, 1.0),
+              900.0 + 2.5 * 300.0, 2.5 * 30.0);
+  EXPECT_EQ(envelope.least_density(beside), bound) << "bounds are those of the costs alone";
+}
+
 }  // namespace
 }  // namespace hedgehop::global_planning

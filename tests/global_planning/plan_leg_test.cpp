@@ -7,6 +7,7 @@
 
 #include "base/angles.hpp"
 #include "global_planning/flight_envelope.hpp"
+#include "global_planning/leg_ground.hpp"
 #include "global_planning/planning_case.hpp"
 #include "support/fresh_seed.hpp"
 
@@ -417,6 +418,62 @@ TEST(GlobalOptions, EachValueOutOfRangeIsRefused) {
     auto section = reader.required_section("global");
     EXPECT_THROW(read_global_options(section), ConfigError) << setting;
   }
+}
+
+TEST(LegGround, WithoutAvoidanceItPlansWhatThePlannerPlans) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 200, 60.0, 3000.0, 150.0), kWeights);
+  const GlobalOptions options = shipped_global_options(3000000);
+  const RouteProblem problem{in.above(2000.0, 2000.0), in.above(9500.0, 8500.0), 1,
+                             options.work_budget};
+  const SilentObserver observer;
+  const auto wanted = plan_leg(in.costs, options, problem, {}, observer);
+  const auto found = LegGround(in.costs, options, problem).plan(in.costs, {}, true, observer);
+  if (!std::holds_alternative<Route>(wanted)) {
+    GTEST_SKIP() << "no route over the ground of seed " << seed;
+  }
+  if (std::get<Route>(wanted).samples > 0) {
+    EXPECT_TRUE(std::holds_alternative<NoPlan>(found)) << "a route of BIT*, seed " << seed;
+    return;
+  }
+  ASSERT_TRUE(std::holds_alternative<Route>(found)) << seed;
+  EXPECT_EQ(std::get<Route>(found).waypoints, std::get<Route>(wanted).waypoints) << seed;
+  EXPECT_EQ(std::get<Route>(found).cost, std::get<Route>(wanted).cost) << seed;
+}
+
+TEST(LegGround, ARouteThatAvoidsAnotherLeavesItIsLawfulAndCostsAtLeastItsBound) {
+  // GIVEN gentle ground where the straight line is the best route
+  const PlanningCase in(test::make_map(200, 200, 60.0,
+                                       [](double x_m, double y_m) {
+                                         return 300.0 + 20.0 * std::sin(x_m / 900.0) *
+                                                            std::cos(y_m / 700.0);
+                                       }),
+                        kWeights);
+  const GlobalOptions options = shipped_global_options(3000000);
+  const Waypoint start = in.above(1500.0, 6000.0);
+  const Waypoint goal = in.above(10500.0, 6000.0);
+  const LegGround ground(in.costs, options, {start, goal, 1, options.work_budget});
+  const SilentObserver observer;
+  const auto first = ground.plan(in.costs, {}, true, observer);
+  ASSERT_TRUE(std::holds_alternative<Route>(first));
+  const Route& direct = std::get<Route>(first);
+  expect_lawful(in, options, direct, start, goal);
+  // WHEN another keeps 600 m away from it where that is worth 4 a metre
+  const auto second = ground.plan(in.costs, {{direct.waypoints, 600.0, 4.0}}, true, observer);
+  ASSERT_TRUE(std::holds_alternative<Route>(second));
+  const Route& aside = std::get<Route>(second);
+  // THEN it does in its middle, as it must leave both ends, and its cost is that of eq. (1) alone
+  expect_lawful(in, options, aside, start, goal);
+  double middle_m = 0.0;
+  for (const Waypoint& waypoint : aside.guide) {
+    if (std::fabs(waypoint.x_m - 6000.0) < 500.0) {
+      middle_m = std::max(middle_m, std::fabs(waypoint.y_m - 6000.0));
+    }
+  }
+  EXPECT_GT(middle_m, 550.0);
+  EXPECT_EQ(aside.cost, in.costs.route_cost(aside.waypoints, 1.0));
+  EXPECT_LE(aside.lower_bound_m, direct.cost.total_m() + 1e-6) << "it binds the direct one too";
+  EXPECT_GE(aside.cost.total_m(), direct.cost.total_m());
 }
 
 }  // namespace

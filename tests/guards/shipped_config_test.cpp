@@ -28,11 +28,13 @@
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "evaluation/replanning_evaluation.hpp"
 #include "evaluation/sensitivity.hpp"
 #include "evaluation/verifier_evaluation.hpp"
 #include "fetch/fetch_options.hpp"
 #include "map_sources/vector_mapping.hpp"
 #include "output/exports.hpp"
+#include "planning/alternatives.hpp"
 #include "planning/planning.hpp"
 #include "preparation/prepare.hpp"
 #include "services/command_model/command_model_service.hpp"
@@ -85,6 +87,8 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_local_safety_options(safety);
   ConfigReader optimality = reader.required_section("optimality");
   evaluation::read_optimality_config(optimality);
+  ConfigReader replanning = reader.required_section("replanning");
+  evaluation::read_replanning_options(replanning);
   ConfigReader verifier = reader.required_section("verifier");
   evaluation::read_verifier_options(verifier);
   ConfigReader bus = reader.required_section("bus");
@@ -113,6 +117,11 @@ void read_rotor_file(const std::string& text, const std::string& name) {
 void read_uncertainty_file(const std::string& text, const std::string& name) {
   ConfigReader reader = ConfigReader::from_text(text, name);
   evaluation::read_uncertainty_options(reader);
+}
+
+void read_alternatives_file(const std::string& text, const std::string& name) {
+  ConfigReader reader = ConfigReader::from_text(text, name);
+  planning::read_alternative_options(reader);
 }
 
 void read_export_file(const std::string& text, const std::string& name) {
@@ -148,6 +157,7 @@ const Guarded* guarded(const std::string& file) {
   static const std::map<std::string, Guarded> kFiles{
       {"planning.yaml", {read_planning_file, {"vehicle_file"}}},
       {"prepare.yaml", {read_prepare_file, {}}},
+      {"alternatives.yaml", {read_alternatives_file, {}}},
       {"evaluation.yaml", {read_evaluation_file, {}}},
       {"export.yaml", {read_export_file, {}}},
       {"report.yaml", {read_report_file, {}}},

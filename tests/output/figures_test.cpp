@@ -18,6 +18,7 @@
 #include "base/files.hpp"
 #include "output/gnuplot.hpp"
 #include "output/map_images.hpp"
+#include "sample_choices.hpp"
 #include "sample_plan.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -116,6 +117,22 @@ TEST(Figures, EachFigureShowsBothPathsInTheirColours) {
   EXPECT_GT(profile.count_near(0x15, 0x83, 0xd0), 2000) << "flown altitude, bank and heading";
   EXPECT_GT(profile.count_near(0xc9, 0xb7, 0x9c), 50000) << "terrain";
   EXPECT_GT(profile.count_near(0xc0, 0x39, 0x2b), 100) << "label";
+}
+
+TEST(Figures, RoutesToChooseFromEachHaveTheirColour) {
+  NEEDS_GNUPLOT();
+  const map::Map map = test::make_sample_map();
+  const flight::Plan plan = test::make_sample_plan(map);
+  const test::TemporaryFolder folder;
+  write_choice_figure(plan, map, test::make_sample_choices(plan), folder.path());
+  const Picture picture = read_picture(folder.path() / "alternatives" / "alternatives.png");
+  EXPECT_GT(picture.count_near(0x9b, 0xe5, 0x64), 1000) << "main";
+  EXPECT_GT(picture.count_near(0xff, 0x5f, 0xa2), 1000) << "hidden";
+  EXPECT_GT(picture.count_near(0xff, 0xb0, 0x00), 1000) << "short-cut";
+  const std::string script = read_file(folder.path() / "alternatives" / "alternatives.gp");
+  EXPECT_THAT(script, HasSubstr("'short-cut'"));
+  EXPECT_THAT(script, HasSubstr("11.00 km, seen 421 m, land use 66 m"));
+  EXPECT_THAT(script, HasSubstr("'SYNTHETIC REGION'"));
 }
 
 TEST(Figures, AttributionAndLabelStandInEachScript) {

@@ -10,6 +10,7 @@
 #include "output/report_page.hpp"
 #include "output/report_text.hpp"
 #include "output/utc_time.hpp"
+#include "sample_choices.hpp"
 #include "sample_plan.hpp"
 
 namespace hedgehop::output {
@@ -75,6 +76,13 @@ class Report : public testing::Test {
     content.start_time = parse_utc("2026-05-01T06:30:00Z");
     content.declination_rad = radians_from_degrees(4.0);
     content.alternatives.push_back({kHostile, &plan_, {10.0, 20.0, 30.0, 40.0}});
+    const flight::RouteChoices choices = test::make_sample_choices(plan_);
+    for (const flight::RouteChoice& choice : choices.routes) {
+      content.choices.push_back(
+          {{choice.name, choice.measures, 1.0, 0.4375, true, choice.plan.route.waypoints},
+           choice.name == "hidden" ? &plan_ : nullptr});
+    }
+    content.why_no_more_choices = kHostile;
     page_ = report_page(content);
     content_ = std::move(content);
   }
@@ -86,6 +94,7 @@ class Report : public testing::Test {
     content.start_time.reset();
     content.declination_rad.reset();
     content.alternatives.clear();
+    content.choices.clear();
     content.threats.clear();
     content.exposures.clear();
     content.manoeuvres.clear();
@@ -133,7 +142,7 @@ TEST_F(Report, EveryLayerHasItsSwitchAndEveryLinkItsTarget) {
     return names;
   };
   const auto layers = names_after("<label for=\"");
-  EXPECT_EQ(layers.size(), 8U);
+  EXPECT_EQ(layers.size(), 9U);
   for (const std::string& layer : layers) {
     EXPECT_EQ(count_of(page_, "<input type=\"checkbox\" id=\"" + layer + "\""), 1) << layer;
     EXPECT_EQ(count_of(page_, "<g class=\"" + layer + "\""), 1) << layer;
@@ -241,6 +250,23 @@ TEST(PngImage, Base64IsThatOfItsStandard) {
     EXPECT_EQ(base64(plain), packed);
   }
   EXPECT_EQ(base64("\xff\xfe\xfd"), "//79");
+}
+
+TEST_F(Report, RoutesToChooseFromAreOnTheMapAndInATable) {
+  const std::size_t table = page_.find("id=\"choice-table\"");
+  ASSERT_NE(table, std::string::npos);
+  const std::string rows = page_.substr(table, page_.find("</table>", table) - table);
+  EXPECT_THAT(rows, HasSubstr("main (this plan)"));
+  EXPECT_THAT(rows, HasSubstr(">13.00 km<"));
+  EXPECT_THAT(rows, HasSubstr(">44 %<"));
+  EXPECT_EQ(count_of(rows, ">not flown<"), 1) << "short-cut";
+  EXPECT_EQ(count_of(page_, "<path class=\"choice\""), 2) << "all but the plan's own";
+  EXPECT_THAT(page_, HasSubstr("layer-choices"));
+  EXPECT_THAT(page_, HasSubstr(std::string("Why there are no more: ") + kTamed));
+  const std::string plain = plain_page();
+  EXPECT_THAT(plain, Not(HasSubstr("choice-table")));
+  EXPECT_THAT(plain, Not(HasSubstr("layer-choices")));
+  EXPECT_THAT(plain, HasSubstr("hedgehop plan --alternatives"));
 }
 
 }  // namespace

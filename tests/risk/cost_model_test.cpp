@@ -155,6 +155,28 @@ TEST(CostModel, TheRuleForKernelsIsTheDensity) {
   EXPECT_THROW(CostDensity({}, 15.0, {15.0, 15.0}), std::invalid_argument);
 }
 
+TEST(CostModel, ReweightedIsTheModelMadeWithThoseWeights) {
+  const std::uint64_t seed = test::fresh_seed();
+  map::Map map = test::make_fractal_map(seed, 40, 30.0, 600.0, 100.0);
+  for (std::size_t i = 0; i < map.semantics.values().size(); i += 3) {
+    map.semantics.values()[i] = bits({SemanticClass::kVillage});
+  }
+  test::finish_map(map);
+  const SemanticCostTable villages({{bits({SemanticClass::kVillage}), 0.7}}, 0.1);
+  const CostModel first(map, {25.0, 0.02, 4.0, 0.01}, villages, 1.0);
+  const CostModel wanted(map, {80.0, 0.02, 0.5, 0.01}, villages, 1.0);
+  const CostModel found = first.reweighted(80.0, 0.5);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> place(0.0, 1200.0);
+  for (int i = 0; i < 200; ++i) {
+    const geo::MapPoint point{place(random), place(random)};
+    const double height_m = 0.1 * place(random);
+    EXPECT_EQ(found.density(point, height_m), wanted.density(point, height_m)) << seed;
+    const std::vector<Waypoint> leg = {{point.x_m, point.y_m, 200.0}, {600.0, 600.0, 150.0}};
+    EXPECT_EQ(found.route_cost(leg, 10.0), wanted.route_cost(leg, 10.0)) << seed;
+  }
+}
+
 TEST(CostModel, UnknownVisibilityCountsAsConfigured) {
   map::Map map = half_seen_plain();
   map.visibility.at(3, 4) = map::kVisibilityUnknown;

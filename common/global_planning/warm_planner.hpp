@@ -1,0 +1,66 @@
+#pragma once
+
+#include <variant>
+#include <vector>
+
+#include "base/observer.hpp"
+#include "flight/plan_request.hpp"
+#include "flight/route.hpp"
+#include "global_planning/cost_field.hpp"
+#include "global_planning/flight_envelope.hpp"
+#include "global_planning/global_planner.hpp"
+#include "raster/grid.hpp"
+#include "raster/window.hpp"
+#include "risk/cost_model.hpp"
+
+namespace hedgehop::global_planning {
+
+/// A route as it was planned again.
+struct WarmRoute {
+  flight::Route route;             // its lower bound is the straight line
+  bool is_cold = false;            // nothing of what was known led to it: plan_leg() did
+  std::size_t blocks_renewed = 0;  // of the cost field
+};
+
+/// Plans a leg again and again while its start moves along and what is seen changes, from what is
+/// known: heights and areas stay, the field of costs to the goal is repaired where it must be
+/// (CostField::repair), and so is the route.
+///
+/// The way down the repaired field tells where the old route is still good: where neither a change
+/// nor that way leads away from it. What lies between such stretches is replaced by a line along
+/// the way, and that line, with some of the old route before and after it, is moved inside a
+/// corridor from coarse to fine, as refine() does with whole routes. Turns where old and new meet
+/// are looked at like all others. If the start lies on the old route and that is still the cheaper
+/// one, it stays. Where no corridor holds a route, plan_leg() plans anew.
+///
+/// Deterministic; the same for any number of threads.
+class WarmPlanner {
+ public:
+  /// `route` leads from the start to the goal of `problem` and is what plan_leg() or the like found
+  /// under `costs`, which must outlive this.
+  WarmPlanner(const risk::CostModel& costs, const GlobalOptions& options,
+              const RouteProblem& problem, std::vector<flight::Waypoint> route);
+
+  /// Cells whose costs have become other ones (risk::CostModel::visibility_changed()).
+  void costs_changed(const raster::Window& cells);
+
+  /// The route from another start, which then is the one to begin with next time.
+  std::variant<WarmRoute, flight::NoPlan> replan(const flight::Waypoint& start,
+                                                 const Observer& observer);
+
+  [[nodiscard]] const CostField& field() const { return field_; }
+
+ private:
+  [[nodiscard]] std::vector<flight::Waypoint> repaired(const flight::Waypoint& start) const;
+  [[nodiscard]] bool is_changed(const geo::MapPoint& point) const;
+
+  GlobalOptions options_;
+  RouteProblem problem_;
+  FlightEnvelope envelope_;
+  CostField field_;
+  std::vector<flight::Waypoint> route_;
+  std::vector<raster::Window> changes_;  // since the last plan
+  std::size_t blocks_renewed_ = 0;
+};
+
+}  // namespace hedgehop::global_planning
