@@ -289,8 +289,8 @@ std::string replanning_json(const ReplanningResult& result, const MachineRecord&
     for (const ReplanningEvent& event : result.events) {
       values.push_back(value(event));
     }
-    const Spread spread = spread_of(values);
-    return Json{{"median", spread.median}, {"p95", spread.p95}, {"max", spread.max}};
+    const Spread found = spread_of(values);
+    return Json{{"median", found.median}, {"p95", found.p95}, {"max", found.max}};
   };
   const auto number = [&](const auto& is) {
     return std::count_if(result.events.begin(), result.events.end(), is);
