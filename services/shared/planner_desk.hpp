@@ -27,6 +27,7 @@ struct PlannerOptions {
   double patience_s = 0.0;       // in message time: what is missing longer is named on stderr, and
                                  // a question about a map that is not on the bus is refused
   int kept_answers = 0;          // answers that are given again without planning again
+  double send_rate_bytesps = 0.0;  // of the process's BlobExchange
 };
 PlannerOptions read_planner_options(ConfigReader reader);
 
