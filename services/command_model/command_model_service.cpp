@@ -111,14 +111,14 @@ struct CommandModelService::Flight {
     return std::min(step, trajectory->states.size() - 1);
   }
   // Where on the path still ahead another trajectory begins, if it does.
-  [[nodiscard]] std::optional<std::size_t> step_at(const flight::FlightState& state) const {
+  [[nodiscard]] std::optional<std::size_t> step_at(const flight::FlightState& first) const {
     if (!trajectory) {
       return std::nullopt;
     }
     const auto& states = trajectory->states;
     for (std::size_t step = place() + 1; step < states.size(); ++step) {
-      const double dx_m = states[step].x_m - state.x_m;
-      const double dy_m = states[step].y_m - state.y_m;
+      const double dx_m = states[step].x_m - first.x_m;
+      const double dy_m = states[step].y_m - first.y_m;
       if (dx_m * dx_m + dy_m * dy_m < kJoining_m * kJoining_m) {
         return step;
       }

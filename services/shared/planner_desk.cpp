@@ -173,7 +173,8 @@ void PlannerDesk::receive(Question question) {
     jobs_.remove_if([&](const Job& other) { return &other == job; });
   }
   if (std::count_if(jobs_.begin(), jobs_.end(),
-                    [](const Job& other) { return !other.is_over(); }) >= kWaitingMax) {
+                    [](const Job& other) { return !other.is_over(); }) >= kWaitingMax &&
+      !make_room()) {
     messages::PlanStatus status;
     status.request_id = question.request_id;
     status.stage = stage_;
@@ -194,6 +195,19 @@ void PlannerDesk::receive(Question question) {
     added.status.text = error.what();
     added.is_asked_again = true;
   }
+}
+
+// Questions that lack something give way, the oldest first, so that nonsense cannot fill the book.
+bool PlannerDesk::make_room() {
+  const auto idle = std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) {
+    return job.status.state == PlanState::kWaiting && !is_ready(job);
+  });
+  if (idle == jobs_.end()) {
+    return false;
+  }
+  forget_input(*idle);
+  jobs_.erase(idle);
+  return true;
 }
 
 void PlannerDesk::receive(const messages::PlanCancel& cancel) {

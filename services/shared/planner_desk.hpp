@@ -93,6 +93,7 @@ class PlannerDesk {
   [[nodiscard]] std::string lack_of(const Job& job) const;
   [[nodiscard]] Job* job_of(const Hash128& request_id);
   void wait(Job& job, Time now);
+  bool make_room();
   void cancel(Job& job);
   void give_up(Job& job);
   void work(Job& job);

@@ -175,6 +175,20 @@ def replay_makes_every_stage_again(setup):
         done = setup.run("replay", log, "--stage", stage, "--json")
         check(done.returncode == 0, f"{stage}: {done.returncode} {done.stdout}{done.stderr}")
         check(json.loads(done.stdout)["result"] == "equal", f"{stage}: {done.stdout}")
+    # Recorded by another version with another route: the difference is found, and the version named.
+    data = bytearray(log.read_bytes())
+    version = next(message for _, _, channel, message in events(log) if channel == "ROUTE").rstrip(b"\0").rsplit(b" ", 1)[1]
+    for _, end, channel, message in list(events(log)):
+        if channel == "ROUTE":
+            data[end - len(message) + 89] ^= 1  # the end of the blob's name, after map and patch
+        if channel == "SERVICE_STATUS" and b"global_planner" in message:
+            at = data.find(version, end - len(message), end)
+            data[at:at + len(version)] = b"9" * len(version)
+    other = setup.folder / "other.lcmlog"
+    other.write_bytes(data)
+    done = setup.run("replay", other, "--stage", "global")
+    check(done.returncode == 1 and "different" in done.stdout, f"{done.returncode} {done.stdout}")
+    check(f"recorded by version {'9' * len(version)}, this is {version.decode()}" in done.stdout, done.stdout)
     info = json.loads(setup.run("log", "info", log, "--json").stdout)
     check(info["damage_count"] == 0 and info["requests"][0]["has_trajectory"], f"log info: {info}")
     check({"MAP_INDEX", "CHUNK", "PLAN_REQUEST", "PLAN_STATUS", "ROUTE", "TRAJECTORY", "SERVICE_STATUS",

@@ -152,6 +152,7 @@ int main(int argc, char** argv) {
   };
   std::map<std::string, ServiceStatus> statuses;
   std::optional<MapIndex> index;
+  std::optional<Time> chunk_asked;  // it takes an index to know what to ask for
   PlanRequestMessage request = test::example_plan_request();
   request.request_id = {seed, 1};
   RouteHeader route = test::example_route_header();
@@ -159,8 +160,8 @@ int main(int argc, char** argv) {
   bus.subscribe<MapIndex>(kMapIndexChannel,
                           [&](const MapIndex& heard, const Stamp&) { index = heard; });
   bus.subscribe<Chunk>(kChunkChannel, [&](const Chunk& chunk, const Stamp&) {
-    if (index && chunk.blob_id == index->tile_table.id) {
-      note("map_tiler");
+    if (chunk_asked && chunk.blob_id == index->tile_table.id) {
+      answered_s.try_emplace("map_tiler", seconds_between(*chunk_asked, bus.now()));
     }
   });
   bus.subscribe<PlanStatus>(kPlanStatusChannel, [&](const PlanStatus& status, const Stamp&) {
@@ -187,6 +188,7 @@ int main(int argc, char** argv) {
       bus.publish(kPlanRequestChannel, request, bus.now());
       bus.publish(kRouteChannel, route, bus.now());
       if (index) {
+        chunk_asked = chunk_asked.value_or(bus.now());
         ChunkRequest question;
         question.ranges.push_back({index->tile_table.id, 0, 1});
         bus.publish(kChunkRequestChannel, question, bus.now());

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -257,6 +258,31 @@ TEST(PlannerServices, ALocalPlannerThatIsAskedToShowsItsHistogramsAndPlansTheSam
     EXPECT_FALSE(
         std::isnan(histogram.sectors.at(static_cast<std::size_t>(*histogram.chosen_sector)).cost));
   }
+}
+
+TEST(PlannerServices, QuestionsThatLackSomethingGiveWayWhenTheBookIsFull) {
+  test::InProcessChain chain;
+  chain.add_map_tiler(hills());
+  chain.add_global_planner();
+  const auto good =
+      chain.ask(test::across_the_hills(hills()), hills().hash, shipped_planning().text);
+  ASSERT_TRUE(chain.turn_until([&] { return chain.is_global(PlanState::kDone); }));
+  // More than the book holds, about maps that nobody has.
+  messages::PlanRequestMessage nonsense = good;
+  for (std::uint64_t i = 1; i <= 300; ++i) {
+    nonsense.request_id = {i, 1};
+    nonsense.map_hash = {i, 2};
+    chain.listener().bus.publish(messages::kPlanRequestChannel, nonsense,
+                                 chain.listener().bus.now());
+  }
+  chain.turn();
+  flight::PlanRequest request = test::across_the_hills(hills());
+  request.speed_mps = 39.0;
+  const Hash128 id = chain.ask(request, hills().hash, shipped_planning().text).request_id;
+  EXPECT_TRUE(chain.turn_until([&] {
+    return std::any_of(chain.routes.begin(), chain.routes.end(),
+                       [&](const auto& route) { return route.request_id == id; });
+  }));
 }
 
 TEST(PlannerServices, WithoutAMapTilerTheStatusSaysWhatIsMissing) {
