@@ -20,7 +20,6 @@ struct BusOptions {
   DrawingRules drawing;
   std::vector<double> loss_percents;
   double timeout_s = 0.0;  // longest wait for a service
-  double cell_m = 0.0;     // of a map that is made for the purpose
 };
 BusOptions read_bus_options(ConfigReader& reader);
 
@@ -64,8 +63,7 @@ struct FlightResult {
   double above_margin_m = 0.0;
   double rotor_power_kw = 0.0;
   std::vector<FlightRow> rows;
-  // Every flight with feed-forward was within the margins and within the power that there is.
-  bool is_held = false;
+  bool is_held = false;  // every flight with feed-forward was within the margins
 };
 /// JSON, schema_version first.
 std::string flight_result_json(const FlightResult& result);

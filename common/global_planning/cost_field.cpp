@@ -154,8 +154,10 @@ std::size_t CostField::repair(const FlightEnvelope& envelope, const raster::Wind
     return static_cast<std::uint32_t>(static_cast<std::ptrdiff_t>(block) + jump_[k]);
   };
   std::vector<Entry> doubtful;
+  std::vector<std::uint8_t> is_doubted(cost_m_.size());
   const auto doubt = [&](std::uint32_t block) {
-    if (cost_m_[block] < kInfinity && block != target_) {
+    if (is_doubted[block] == 0 && cost_m_[block] < kInfinity && block != target_) {
+      is_doubted[block] = 1;
       doubtful.push_back({cost_m_[block], block});
       std::push_heap(doubtful.begin(), doubtful.end(), kIsLater);
     }
@@ -171,9 +173,6 @@ std::size_t CostField::repair(const FlightEnvelope& envelope, const raster::Wind
     std::pop_heap(doubtful.begin(), doubtful.end(), kIsLater);
     const Entry entry = doubtful.back();
     doubtful.pop_back();
-    if (!(cost_m_[entry.block] < kInfinity)) {
-      continue;  // a second time
-    }
     bool is_carried = false;
     for (std::size_t k = 0; k < kNeighbours.size() && !is_carried; ++k) {
       const std::uint32_t from = neighbour(entry.block, k);

@@ -17,10 +17,11 @@ constexpr std::array<LatticeSpare, 2> kLatticeSpares = {{{2.0, 0.97}, {6.0, 0.85
 std::vector<flight::Waypoint> lattice_route(const FlightEnvelope& envelope,
                                             const GlobalOptions& options, std::int64_t work_budget,
                                             std::int64_t& work_units,
-                                            const std::function<bool()>& should_stop) {
+                                            const std::function<bool()>& should_stop,
+                                            const CostField* to_goal) {
   for (const LatticeSpare& spare : kLatticeSpares) {
     const LatticeResult found =
-        search_lattice(envelope, options, spare, work_budget - work_units, should_stop);
+        search_lattice(envelope, options, spare, work_budget - work_units, should_stop, to_goal);
     work_units += found.work_units;
     if (found.track.empty()) {
       break;

@@ -72,12 +72,11 @@ constexpr auto kIsLater = [](const Entry& a, const Entry& b) {
 class Search {
  public:
   Search(const FlightEnvelope& envelope, const GlobalOptions& options, const LatticeSpare& spare,
-         const flight::Waypoint& from, const flight::Waypoint& to)
-      : envelope_(envelope),
-        spare_(spare),
-        from_(from),
-        to_(to),
-        ahead_(envelope, to.point(), options.field_block_m) {
+         const flight::Waypoint& from, const flight::Waypoint& to, const CostField* field)
+      : envelope_(envelope), spare_(spare), from_(from), to_(to), field_(field) {
+    if (field_ == nullptr) {
+      own_field_.emplace(envelope, to.point(), options.field_block_m);
+    }
     const raster::GridGeometry& geometry = envelope.geometry();
     const double turn_tangent = elementary::tan(0.5 * kTurnMax_rad);
     spacing_m_ = std::max(options.turn_radius_m * turn_tangent * 1.001, 2.0 * geometry.cell_m);
@@ -213,7 +212,7 @@ class Search {
         return;
       }
     }
-    const double ahead_m = ahead_.cost_m(b);
+    const double ahead_m = (field_ != nullptr ? *field_ : *own_field_).cost_m(b);
     if (!(ahead_m < kInfinity)) {
       return;
     }
@@ -313,7 +312,8 @@ class Search {
   LatticeSpare spare_;
   flight::Waypoint from_;
   flight::Waypoint to_;
-  CostField ahead_;
+  const CostField* field_;  // null: own_field_
+  std::optional<CostField> own_field_;
   double spacing_m_ = 0.0;
   std::array<int, kDirections> repeats_{};
   int west_ = 0;   // column of the start
@@ -332,8 +332,8 @@ class Search {
 
 LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
                              const LatticeSpare& spare, std::int64_t work_budget,
-                             const std::function<bool()>& should_stop) {
-  Search forward(envelope, options, spare, envelope.start(), envelope.goal());
+                             const std::function<bool()>& should_stop, const CostField* to_goal) {
+  Search forward(envelope, options, spare, envelope.start(), envelope.goal(), to_goal);
   forward.advance(std::min(kAloneWork, work_budget), should_stop);
   std::optional<Search> backward;
   std::int64_t share = kAloneWork;
@@ -343,7 +343,7 @@ LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions
   while (!forward.is_finished() && !(backward && backward->is_finished()) &&
          spent() < work_budget && !should_stop()) {
     if (!backward) {
-      backward.emplace(envelope, options, spare, envelope.goal(), envelope.start());
+      backward.emplace(envelope, options, spare, envelope.goal(), envelope.start(), nullptr);
     }
     backward->advance(std::min(share, work_budget - forward.work_units()), should_stop);
     if (!backward->is_finished()) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "geo/map_projection.hpp"
+#include "global_planning/cost_field.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/global_planner.hpp"
 
@@ -41,8 +42,11 @@ struct LatticeResult {
 /// search to the goal: the first track found ends it. Climb limits and turns are the same both
 /// ways, so when the search from the start takes long, one from the goal joins it, in turns; its
 /// lattice lies around the goal. The spacing is at least two cells. Deterministic.
+///
+/// @param to_goal  the field that leads the search from the start, if there is one already.
 LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
                              const LatticeSpare& spare, std::int64_t work_budget,
-                             const std::function<bool()>& should_stop);
+                             const std::function<bool()>& should_stop,
+                             const CostField* to_goal = nullptr);
 
 }  // namespace hedgehop::global_planning
