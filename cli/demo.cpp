@@ -5,19 +5,16 @@
 
 #include "base/angles.hpp"
 #include "base/files.hpp"
-#include "base/shipped_config.hpp"
 #include "bus/private_url.hpp"
-#include "map/map_bundle.hpp"
-#include "map/source_layer.hpp"
 #include "map_sources/synthetic_region.hpp"
 #include "output/figures.hpp"
 #include "output/plan_bundle.hpp"
 #include "plan_over_bus.hpp"
 #include "plan_result.hpp"
 #include "planning/planning.hpp"
-#include "preparation/prepare.hpp"
 #include "report.hpp"
 #include "service_children.hpp"
+#include "synthetic_map.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -32,26 +29,6 @@ struct DemoArguments {
   std::uint64_t seed = 1;
 };
 
-map::Map prepare_region(const map_sources::SyntheticRegion& region,
-                        const std::filesystem::path& folder, int threads, Observer& observer) {
-  ConfigReader reader =
-      ConfigReader::from_text(shipped_config("prepare.yaml"), "config/prepare.yaml");
-  const auto options = preparation::PrepareOptions::read(reader);
-  preparation::PrepareRequest request;
-  request.dem_files = {region.dem_file};
-  request.osm_files = {region.osm_file};
-  request.extent = region.extent;
-  request.crs = region.crs;
-  request.label = region.label;
-  request.attributions = {region.attribution};
-  request.threads = threads;
-  preparation::PreparedMap prepared = preparation::prepare(request, options, observer);
-  std::filesystem::create_directory(folder);
-  map::write_map_bundle(prepared.map, prepared.provenance_json, folder);
-  map::write_source_layer(prepared.map, prepared.sources, folder);
-  return std::move(prepared.map);
-}
-
 // The services live as long as this call.
 std::variant<flight::Plan, flight::NoPlan> plan_by_services(const Console& console,
                                                             const ServiceSetup& setup,
@@ -61,7 +38,7 @@ std::variant<flight::Plan, flight::NoPlan> plan_by_services(const Console& conso
   bus::Bus bus(setup.bus);
   bus::BlobExchange exchange({}, bus);
   ServiceChildren children(console, bus, setup);
-  auto result = plan_over_bus(bus, exchange, request, config_text, kTimeout_s, observer);
+  auto result = BusPlanner(bus, exchange).plan(request, config_text, kTimeout_s, observer);
   // The command model has begun to fly: a few seconds of it belong into the log.
   for (int i = 0; i < 60 && !observer.stop_requested(); ++i) {
     bus.poll(0.05);
@@ -86,7 +63,7 @@ ExitCode run(const Console& console, const DemoArguments& arguments) {
       map_sources::write_synthetic_region(out / "region", {.seed = arguments.seed});
   observer->check_stop();
   timer.lap("region");
-  const map::Map map = prepare_region(region, out / "map", console.threads, *observer);
+  const map::Map map = prepare_synthetic_map(region, out / "map", {}, console.threads, *observer);
   observer->check_stop();
   timer.lap("prepare");
 

@@ -27,6 +27,7 @@
 #include "plan_over_bus.hpp"
 #include "planning/planning.hpp"
 #include "service_children.hpp"
+#include "synthetic_map.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -112,7 +113,8 @@ class Chain {
       : observer_(observer),
         setup_{.bus = {url, {}}, .map = map, .log = scratch_.path() / "log"},
         bus_(setup_.bus),
-        exchange_({}, bus_) {
+        exchange_({}, bus_),
+        planner_(bus_, exchange_) {
     setup_.threads = console.threads;
     bus_.subscribe<messages::MapIndex>(messages::kMapIndexChannel,
                                        [this](const messages::MapIndex&, const messages::Stamp&) {
@@ -132,8 +134,7 @@ class Chain {
 
   /// The plan of the services.
   flight::Plan plan(const Problem& problem, const std::string& config_text, double timeout_s) {
-    auto result =
-        plan_over_bus(bus_, exchange_, problem.request, config_text, timeout_s, observer_);
+    auto result = planner_.plan(problem.request, config_text, timeout_s, observer_);
     children_->watch();
     auto* plan = std::get_if<flight::Plan>(&result);
     if (plan == nullptr) {
@@ -231,6 +232,7 @@ class Chain {
   ServiceSetup setup_;
   bus::Bus bus_;
   bus::BlobExchange exchange_;
+  BusPlanner planner_;
   std::unique_ptr<ServiceChildren> children_;
   std::optional<SteadyTime> first_index_;
   bool is_same_ = true;
@@ -366,7 +368,7 @@ ExitCode run_trial(const Console& console, const Arguments& arguments) {
   return ExitCode::kOk;
 }
 
-ExitCode run(const Console& console, const Arguments& arguments) {
+ExitCode run(const Console& console, Arguments arguments) {
   if (arguments.trial_loss_percent >= 0.0) {
     return run_trial(console, arguments);
   }
@@ -382,8 +384,16 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   }
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
   const auto observer = console.observer();
+  std::optional<Scratch> made;
+  if (arguments.map.empty()) {
+    made.emplace();
+    console.say("making a map of the synthetic region");
+    const auto region = map_sources::write_synthetic_region(made->path(), {});
+    arguments.map = (made->path() / "map").string();
+    prepare_synthetic_map(region, arguments.map, options.cell_m, console.threads, *observer);
+  }
+  const map::Map map = map::read_map_bundle(arguments.map);
   const auto problems = draw_problems(map, config, options, options.plans + 1, seed, *observer);
 
   Chain chain(console, arguments.map, bus::private_url(), *observer);
@@ -518,10 +528,13 @@ void add_bus_evaluation_verb(CLI::App& evaluate, Console& console) {
       "bytes of the map's cells, which travel packed. The loss table is made in network "
       "namespaces;\n"
       "where these cannot be made it is null and loss_table_reason says why.\n"
-      "Example:\n"
-      "  hedgehop evaluate bus --map map --json");
+      "Examples:\n"
+      "  hedgehop evaluate bus --json\n"
+      "  hedgehop evaluate bus --map map --without-loss");
   auto arguments = std::make_shared<Arguments>();
-  verb->add_option("--map", arguments->map, "Map bundle")->required();
+  verb->add_option(
+      "--map", arguments->map,
+      "Map bundle (default: one of 1000 x 1000 cells is made, of the synthetic region)");
   verb->add_option("--plans", arguments->plans,
                    "Plans after the first one (default: evaluation.yaml)")
       ->check(CLI::Range(0, 1000));

@@ -48,7 +48,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
       map, config, options, rotor, service.path_following, seed, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::flight_result_json(result).c_str());
-    return ExitCode::kOk;
+    return result.is_held ? ExitCode::kOk : ExitCode::kFailure;
   }
   std::printf("%lld plans of %lld problems, wind of %.1f m/s from drawn directions\n",
               static_cast<long long>(result.plans), static_cast<long long>(result.problems),
@@ -70,9 +70,10 @@ ExitCode run(const Console& console, const Arguments& arguments) {
                   row.power_limited_flights > 0 ? " (held back)" : "");
     }
   }
-  std::printf("%s\n", result.is_held ? "every flight with feed-forward kept its path"
-                                     : "NOT every flight with feed-forward kept its path");
-  return ExitCode::kOk;
+  std::printf("%s\n", result.is_held
+                          ? "every flight with feed-forward kept its path, within its power"
+                          : "NOT every flight with feed-forward kept its path, within its power");
+  return result.is_held ? ExitCode::kOk : ExitCode::kFailure;
 }
 
 }  // namespace
@@ -84,7 +85,9 @@ void add_flight_evaluation_verb(CLI::App& evaluate, Console& console) {
       "Draws problems, plans them and flies each verified plan eight times: by the planner's "
       "closed-loop model and by an independent plant with the power of a rotor (rotor_plant.yaml), "
       "with and without the plan's states as feed-forward, without and with wind. Deviations are "
-      "those from the path beside the vehicle. A torque margin of 0.1 says that a tenth of the "
+      "those from the path beside the vehicle. Exit code 1 if a flight with feed-forward left the "
+      "margins of evaluation.yaml or asked for more power than there is. A torque margin of 0.1 "
+      "says that a tenth of the "
       "available torque was never needed.\n"
       "Example:\n"
       "  hedgehop evaluate flight --map map --plans 20 --json");

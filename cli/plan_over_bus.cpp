@@ -8,6 +8,8 @@
 #include <optional>
 
 #include "base/errors.hpp"
+#include "bus/map_exchange.hpp"
+#include "bus/service.hpp"
 #include "messages/message_error.hpp"
 #include "messages/plan_blobs.hpp"
 
@@ -27,12 +29,15 @@ double seconds_since(SteadyTime time) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - time).count();
 }
 
-// What has been heard. Handlers outlive the conversation, so they share it.
-struct Heard {
+constexpr double kIndexAgeMax_s = 3.0;  // three of them have been missed
+
+}  // namespace
+
+// What has been heard. Handlers outlive their user, so they share it.
+struct BusPlanner::Heard {
   Hash128 request_id;
-  std::optional<messages::MapIndex> index;  // of the first map_tiler, or of one that outlasts it
-  std::int64_t tiler_id = 0;
-  int foreign_indices = 0;  // in a row
+  bus::NewestIndex newest;
+  SteadyTime index_time;
   struct Stage {
     std::optional<messages::PlanStatus> status;
     SteadyTime time;
@@ -40,17 +45,7 @@ struct Heard {
   std::array<Stage, 2> stages;
   std::optional<messages::TrajectoryHeader> trajectory;
 
-  void hear(const messages::MapIndex& heard_index, std::int64_t sender_id) {
-    constexpr int kForeignIndicesMax = 2;
-    const bool is_same = index && index->map_hash == heard_index.map_hash;
-    if (index && !is_same && sender_id != tiler_id && ++foreign_indices <= kForeignIndicesMax) {
-      return;
-    }
-    foreign_indices = 0;
-    index = heard_index;
-    tiler_id = sender_id;
-  }
-
+  [[nodiscard]] const std::optional<messages::MapIndex>& index() const { return newest.index(); }
   [[nodiscard]] const std::optional<messages::PlanStatus>& status(PlanStage stage) const {
     return stages.at(static_cast<std::size_t>(stage)).status;
   }
@@ -59,32 +54,19 @@ struct Heard {
   }
 };
 
+namespace {
+
+using Heard = BusPlanner::Heard;
+
 class Conversation {
  public:
-  Conversation(bus::Bus& bus, bus::BlobExchange& exchange, double timeout_s, Observer& observer)
-      : bus_(bus), exchange_(exchange), timeout_s_(timeout_s), observer_(observer) {
-    bus.subscribe<messages::MapIndex>(
-        messages::kMapIndexChannel,
-        [heard = heard_](const messages::MapIndex& index, const Stamp& stamp) {
-          heard->hear(index, stamp.sender_id);
-        });
-    bus.subscribe<messages::PlanStatus>(
-        messages::kPlanStatusChannel,
-        [heard = heard_](const messages::PlanStatus& status, const Stamp&) {
-          if (status.request_id == heard->request_id) {
-            auto& stage = heard->stages.at(static_cast<std::size_t>(status.stage));
-            stage.status = status;
-            stage.time = std::chrono::steady_clock::now();
-          }
-        });
-    bus.subscribe<messages::TrajectoryHeader>(
-        messages::kTrajectoryChannel,
-        [heard = heard_](const messages::TrajectoryHeader& trajectory, const Stamp&) {
-          if (trajectory.request_id == heard->request_id) {
-            heard->trajectory = trajectory;
-          }
-        });
-  }
+  Conversation(bus::Bus& bus, bus::BlobExchange& exchange, std::shared_ptr<Heard> heard,
+               double timeout_s, Observer& observer)
+      : bus_(bus),
+        exchange_(exchange),
+        timeout_s_(timeout_s),
+        observer_(observer),
+        heard_(std::move(heard)) {}
 
   std::variant<flight::Plan, flight::NoPlan> run(const flight::PlanRequest& request,
                                                  const std::string& config_text) {
@@ -93,12 +75,13 @@ class Conversation {
                            " --via places, this one has " + std::to_string(request.via.size()),
                        "`hedgehop plan` takes more");
     }
+    heard_->request_id = {};
     find_map();
     messages::PlanRequestMessage message;
     message.request = request;
     message.config = exchange_.offer(messages::encode_planning_config(config_text), true);
     const auto begin = [&] {
-      message.map_hash = heard_->index->map_hash;
+      message.map_hash = heard_->index()->map_hash;
       message.request_id = flight::plan_request_id(request, message.map_hash, config_text);
       heard_->request_id = message.request_id;
       heard_->stages = {};
@@ -110,9 +93,9 @@ class Conversation {
     begin();
     std::optional<SteadyTime> asked;
     while (true) {
-      if (heard_->index->map_hash != message.map_hash) {
-        observer_.note("the map has changed, patch " + std::to_string(heard_->index->patch_number) +
-                       ": planning again");
+      if (heard_->index()->map_hash != message.map_hash) {
+        observer_.note("the map has changed, patch " +
+                       std::to_string(heard_->index()->patch_number) + ": planning again");
         cancel();
         begin();
         asked.reset();
@@ -122,7 +105,7 @@ class Conversation {
         bus_.publish(messages::kPlanRequestChannel, message, bus_.now());
       }
       turn();
-      if (heard_->index->map_hash != message.map_hash) {
+      if (heard_->index()->map_hash != message.map_hash) {
         continue;
       }
       if (auto no_plan = answer_without_plan()) {
@@ -159,7 +142,8 @@ class Conversation {
 
   void find_map() {
     begin_ = std::chrono::steady_clock::now();
-    while (!heard_->index) {
+    bus_.poll(0.0);  // what has come since the last plan
+    while (!heard_->index() || seconds_since(heard_->index_time) > kIndexAgeMax_s) {
       turn();
       if (seconds_since(begin_) > timeout_s_) {
         throw BusError("no map on the bus: no map_tiler heard on " + bus_.url() + " within " +
@@ -217,6 +201,10 @@ class Conversation {
       return std::nullopt;
     }
     const messages::TrajectoryHeader& header = *heard_->trajectory;
+    if (const auto why = bus::reason_against_provenance(header.provenance); !why.empty()) {
+      throw DataError("the trajectory cannot be used: " + why,
+                      "install one version everywhere; `hedgehop watch` shows who is there");
+    }
     exchange_.want(header.route, "route");
     exchange_.want(header.plan, "trajectory");
     const Bytes* route = exchange_.content(header.route.id);
@@ -234,7 +222,10 @@ class Conversation {
       if (route_plan.request_id != heard_->request_id) {
         throw messages::MessageError("the route answers another request");
       }
-      return messages::decode_flight_plan(*plan, route_plan, header.route.id);
+      flight::Plan whole = messages::decode_flight_plan(*plan, route_plan, header.route.id);
+      exchange_.forget(header.route.id);
+      exchange_.forget(header.plan.id);
+      return whole;
     } catch (const messages::MessageError& error) {
       throw DataError(
           std::string("the plan that came over the bus cannot be used: ") + error.what(),
@@ -298,7 +289,7 @@ class Conversation {
   bus::BlobExchange& exchange_;
   const double timeout_s_;
   Observer& observer_;
-  std::shared_ptr<Heard> heard_ = std::make_shared<Heard>();
+  std::shared_ptr<Heard> heard_;
   SteadyTime begin_;
   std::optional<SteadyTime> remarked_;
   mutable std::optional<SteadyTime> route_done_;
@@ -308,11 +299,36 @@ class Conversation {
 
 }  // namespace
 
-std::variant<flight::Plan, flight::NoPlan> plan_over_bus(bus::Bus& bus, bus::BlobExchange& exchange,
-                                                         const flight::PlanRequest& request,
-                                                         const std::string& config_text,
-                                                         double timeout_s, Observer& observer) {
-  return Conversation(bus, exchange, timeout_s, observer).run(request, config_text);
+BusPlanner::BusPlanner(bus::Bus& bus, bus::BlobExchange& exchange)
+    : bus_(bus), exchange_(exchange), heard_(std::make_shared<Heard>()) {
+  bus.subscribe<messages::MapIndex>(
+      messages::kMapIndexChannel,
+      [heard = heard_](const messages::MapIndex& index, const Stamp& stamp) {
+        heard->newest.hear(index, stamp.sender_id);
+        heard->index_time = std::chrono::steady_clock::now();
+      });
+  bus.subscribe<messages::PlanStatus>(
+      messages::kPlanStatusChannel,
+      [heard = heard_](const messages::PlanStatus& status, const Stamp&) {
+        if (status.request_id == heard->request_id) {
+          auto& stage = heard->stages.at(static_cast<std::size_t>(status.stage));
+          stage.status = status;
+          stage.time = std::chrono::steady_clock::now();
+        }
+      });
+  bus.subscribe<messages::TrajectoryHeader>(
+      messages::kTrajectoryChannel,
+      [heard = heard_](const messages::TrajectoryHeader& trajectory, const Stamp&) {
+        if (trajectory.request_id == heard->request_id) {
+          heard->trajectory = trajectory;
+        }
+      });
+}
+
+std::variant<flight::Plan, flight::NoPlan> BusPlanner::plan(const flight::PlanRequest& request,
+                                                            const std::string& config_text,
+                                                            double timeout_s, Observer& observer) {
+  return Conversation(bus_, exchange_, heard_, timeout_s, observer).run(request, config_text);
 }
 
 }  // namespace hedgehop::cli

@@ -5,11 +5,13 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <tuple>
 #include <utility>
 
 #include "bus/event_log.hpp"
 #include "bus/service.hpp"
+#include "hedgehop_version.hpp"
 #include "messages/message_error.hpp"
 #include "services/command_model/command_model_service.hpp"
 #include "services/global_planner/global_planner_service.hpp"
@@ -44,6 +46,7 @@ struct Finding {
 // What a planner said about a request: an answer, or why there is none.
 struct Answers {
   std::map<Hash128, messages::BlobRef> blobs;
+  std::map<Hash128, Hash128> maps;  // that they were made on
   std::map<Hash128, flight::NoPlan> no_plans;
   std::map<Hash128, bool> cancelled;
 };
@@ -67,8 +70,44 @@ void note_status(Answers& answers, messages::PlanStage stage, const messages::Pl
   answers.cancelled[status.request_id] = status.state == messages::PlanState::kCancelled;
 }
 
+// What may explain a difference: the service that was recorded, and the one that is run now.
+class Reasons {
+ public:
+  Reasons(bus::Bus& bus, const std::string& service, const Hash128& config_hash) {
+    bus.subscribe<messages::ServiceStatus>(
+        messages::kServiceStatusChannel,
+        [this, service, config_hash](const messages::ServiceStatus& status, const Stamp&) {
+          if (status.name != service) {
+            return;
+          }
+          if (status.program_version != HEDGEHOP_VERSION) {
+            known_.insert("recorded by version " + status.program_version +
+                          ", this is " HEDGEHOP_VERSION);
+          }
+          if (status.types_hash != messages::types_hash()) {
+            known_.insert("recorded with other message types");
+          }
+          if (status.config_hash != config_hash) {
+            known_.insert("recorded with another config of the service, " +
+                          status.config_hash.hex() + ", this is " + config_hash.hex());
+          }
+        });
+  }
+  [[nodiscard]] std::string text() const {
+    std::string text;
+    for (const std::string& reason : known_) {
+      text += "; " + reason;
+    }
+    return text.empty() ? "; version and config are the same, so the build or the processor is not"
+                        : text;
+  }
+
+ private:
+  std::set<std::string> known_;
+};
+
 Finding compare(const Hash128& id, const std::string& what, const Answers& recorded,
-                const Answers& replayed, bus::BlobExchange& exchange) {
+                const Answers& replayed, const Reasons& reasons, bus::BlobExchange& exchange) {
   Finding finding{what + " of request " + id.hex(), Outcome::kMissing, {}};
   const auto old_blob = recorded.blobs.find(id);
   const auto new_blob = replayed.blobs.find(id);
@@ -104,6 +143,15 @@ Finding compare(const Hash128& id, const std::string& what, const Answers& recor
     finding.text = old_blob != recorded.blobs.end() ? "recorded an answer, replayed no plan"
                                                     : "recorded no plan, replayed an answer";
   }
+  if (finding.outcome == Outcome::kDifferent) {
+    const auto old_map = recorded.maps.find(id);
+    const auto new_map = replayed.maps.find(id);
+    const bool is_other_map = old_map != recorded.maps.end() && new_map != replayed.maps.end() &&
+                              old_map->second != new_map->second;
+    finding.text += is_other_map ? "; recorded on map " + old_map->second.hex() +
+                                       ", replayed on map " + new_map->second.hex()
+                                 : reasons.text();
+  }
   return finding;
 }
 
@@ -122,6 +170,7 @@ std::vector<Finding> replay_planner(bus::Bus& bus, const std::string& prefix,
       asks, [&](const Question& question, const Stamp&) { asked[question.request_id] = true; });
   bus.subscribe<Header>(answers, [&](const Header& header, const Stamp&) {
     recorded.blobs[header.request_id] = header.plan;
+    recorded.maps[header.request_id] = header.map_hash;
     exchange.want(header.plan, "recorded " + what);
   });
   bus.subscribe<messages::PlanStatus>(messages::kPlanStatusChannel,
@@ -131,6 +180,7 @@ std::vector<Finding> replay_planner(bus::Bus& bus, const std::string& prefix,
   bus.tap_published([&](const bus::RawMessage& message) {
     on_published<Header>(message, prefix, answers, [&](const Header& header) {
       replayed.blobs[header.request_id] = header.plan;
+      replayed.maps[header.request_id] = header.map_hash;
     });
     on_published<messages::PlanStatus>(
         message, prefix, messages::kPlanStatusChannel,
@@ -138,7 +188,8 @@ std::vector<Finding> replay_planner(bus::Bus& bus, const std::string& prefix,
   });
 
   const auto config = services::load_config("", name + ".yaml");
-  const auto options = services::read_planner_options(config.reader());
+  const auto options = Service::read_options(config.reader());
+  const Reasons reasons(bus, name, config.hash());
   bus::ServiceLoop loop(bus, exchange, name, config.hash());
   Service service(options, bus, exchange, loop);
   loop.run(options.tick_period_s, [&](Time now) { service.tick(now); });
@@ -159,7 +210,7 @@ std::vector<Finding> replay_planner(bus::Bus& bus, const std::string& prefix,
     if (recorded.cancelled[id] && !recorded.blobs.contains(id)) {
       continue;
     }
-    findings.push_back(compare(id, what, recorded, replayed, exchange));
+    findings.push_back(compare(id, what, recorded, replayed, reasons, exchange));
     if (!is_asked) {
       findings.back().text = "its " + std::string(asks.name) + " is not in the log";
     }
@@ -191,6 +242,7 @@ std::vector<Finding> replay_flight(bus::Bus& bus, const std::string& prefix) {
   });
   const auto config = services::load_config("", "command_model.yaml");
   const auto options = services::read_command_model_options(config.reader());
+  const Reasons reasons(bus, "command_model", config.hash());
   bus::ServiceLoop loop(bus, exchange, "command_model", config.hash());
   services::CommandModelService service(options, bus, exchange, loop, services::shipped_rotor());
   while (!bus.is_finished() && !bus::stop_requested()) {
@@ -220,7 +272,8 @@ std::vector<Finding> replay_flight(bus::Bus& bus, const std::string& prefix) {
                                                   : Outcome::kEqual;
     findings.push_back({"flight of request " + id.hex(), outcome,
                         std::to_string(count[0]) + " states equal, " + std::to_string(count[1]) +
-                            " different, " + std::to_string(count[2]) + " not flown again"});
+                            " different, " + std::to_string(count[2]) + " not flown again" +
+                            (outcome == Outcome::kDifferent ? reasons.text() : "")});
   }
   const std::string lacks = [&] {
     std::string text;
@@ -296,7 +349,8 @@ void add_replay_verb(CLI::App& app, Console& console) {
                                   "Run one stage again over a recorded log and compare its result");
   verb->footer(
       "Needs no bus: the log is read as it is. Prints for each request whether the stage made the "
-      "same bytes again, and by name what the log lacks. Exit code 0 equal, 1 different, 5 the log "
+      "same bytes again, and by name what the log lacks or what explains a difference (version, "
+      "message types, config, map). Exit code 0 equal, 1 different, 5 the log "
       "is damaged or incomplete.\n"
       "Examples:\n"
       "  hedgehop replay flight.lcmlog --stage global\n"

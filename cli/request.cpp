@@ -69,7 +69,8 @@ ExitCode run(const Console& console, const BusRequestArguments& arguments) {
           assembly.receive(index, stamp.sender_id);
         });
   }
-  auto result = plan_over_bus(bus, exchange, request, config.text, arguments.timeout_s, *observer);
+  auto result =
+      BusPlanner(bus, exchange).plan(request, config.text, arguments.timeout_s, *observer);
   timer.lap("plan_over_bus");
   if (const auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
     return report_no_plan(console, *no_plan);

@@ -204,6 +204,7 @@ void Bus::subscribe_decoded(std::string_view channel, Decode decode) {
 
 void Bus::subscribe_raw(std::function<void(const RawMessage&)> handler) {
   impl_->raw_handlers.push_back(std::move(handler));
+  impl_->transport->hurry();
   const std::lock_guard lock(impl_->wanted_mutex);
   impl_->is_everything_wanted = true;
 }

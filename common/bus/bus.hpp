@@ -84,7 +84,7 @@ class Bus {
     });
   }
 
-  /// Everything on the bus, whatever it is, for a recorder. Runs before typed handlers.
+  /// Everything on the bus, for a recorder: receiving gets priority. Runs before typed handlers.
   void subscribe_raw(std::function<void(const RawMessage&)> handler);
 
   /// Hears what this Bus publishes, for a recorder of a replay. Channel names carry the prefix.

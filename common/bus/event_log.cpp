@@ -25,6 +25,9 @@ constexpr std::uint32_t kChannelBytesMax = 255;
 constexpr std::uint32_t kMessageBytesMax = 1U << 28;
 constexpr std::size_t kReadBytes = 1U << 16;
 constexpr std::size_t kDamagesMax = 1000;
+/// A process that is killed loses what it has not handed to the system; that costs much less than
+/// bringing it to disk, and is done as much more often.
+constexpr std::int64_t kHandOversPerFlush = 4;
 
 std::uint64_t number_at(const std::byte* bytes, int size) {
   std::uint64_t value = 0;
@@ -195,7 +198,9 @@ struct EventLogWriter::Impl {
   int file = -1;
   std::string name;
   std::int64_t flush_interval_us = 0;
+  std::int64_t hand_over_us = 0;
   Bytes pending;
+  std::optional<Time> oldest_pending;
   std::int64_t pending_count = 0;  // events in it
   std::int64_t event_count = 0;
   std::int64_t byte_count = 0;  // on disk or pending
@@ -269,6 +274,7 @@ struct EventLogWriter::Impl {
         byte_count -= static_cast<std::int64_t>(pending.size());
         pending.clear();
         pending_count = 0;
+        oldest_pending.reset();
         if (::ftruncate(file, written) != 0) {
           // The torn event stays at the end; readers get over it.
         }
@@ -280,6 +286,7 @@ struct EventLogWriter::Impl {
     written += static_cast<std::int64_t>(pending.size());
     pending.clear();
     pending_count = 0;
+    oldest_pending.reset();
   }
 };
 
@@ -288,6 +295,7 @@ EventLogWriter::EventLogWriter(const std::filesystem::path& path, bool overwrite
     : impl_(std::make_unique<Impl>()) {
   impl_->name = path.string();
   impl_->flush_interval_us = static_cast<std::int64_t>(flush_interval_s * 1e6);
+  impl_->hand_over_us = impl_->flush_interval_us / kHandOversPerFlush;
   const int flags = O_WRONLY | O_CREAT | O_CLOEXEC | (overwrite ? O_TRUNC : O_EXCL);
   impl_->file = ::open(path.c_str(), flags, 0644);
   if (impl_->file < 0) {
@@ -336,6 +344,9 @@ void EventLogWriter::write(Time receive_time, const std::string& channel, ByteVi
   if (!impl.oldest_unsynced) {
     impl.oldest_unsynced = receive_time;
   }
+  if (!impl.oldest_pending) {
+    impl.oldest_pending = receive_time;
+  }
   if (impl.pending.size() >= kReadBytes) {
     impl.write_pending();
   }
@@ -349,6 +360,9 @@ void EventLogWriter::flush_if_due(Time now) {
     impl_->write_pending();
     impl_->oldest_unsynced.reset();
     impl_->sync_soon();
+  } else if (impl_->oldest_pending &&
+             now.utime_us - impl_->oldest_pending->utime_us >= impl_->hand_over_us) {
+    impl_->write_pending();
   }
 }
 

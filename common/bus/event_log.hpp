@@ -52,8 +52,9 @@ class EventLogReader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Writes a log. Events reach the disk `flush_interval_s` after write() at the latest, provided
-/// that flush_if_due() is called meanwhile; and when the writer goes.
+/// Writes a log. Events reach the disk `flush_interval_s` after write() at the latest, and outlive
+/// this process after a quarter of that, provided that flush_if_due() is called meanwhile; and when
+/// the writer goes.
 class EventLogWriter {
  public:
   /// Throws SystemFailure. An existing file is overwritten only if `overwrite`; else UsageError.
@@ -65,8 +66,9 @@ class EventLogWriter {
   /// Throws SystemFailure when the disk is full; the file then ends with a whole event, and
   /// nothing can be written to it any more.
   void write(Time receive_time, const std::string& channel, ByteView bytes);
-  /// Hands events to the system if the oldest one that waits is older than the interval, so that
-  /// they outlive this process, and has them brought to disk by a thread of its own.
+  /// Hands events to the system if the oldest one that waits is older than a quarter of the
+  /// interval, and has them brought to disk by a thread of its own if it is older than the
+  /// interval.
   void flush_if_due(Time now);
   void flush();
 

@@ -15,6 +15,8 @@ namespace hedgehop::bus {
 
 namespace {
 
+constexpr int kForeignIndicesMax = 2;
+
 // Whether the cells of a tile have the same bits in both maps, which have the same geometry.
 bool is_same_tile(const map::Map& a, const map::Map& b, const messages::Tiling& tiling,
                   const messages::TileAddress& address) {
@@ -66,6 +68,16 @@ void check_size(const map::Map& map) {
 }
 
 }  // namespace
+
+void NewestIndex::hear(const messages::MapIndex& index, std::int64_t sender_id) {
+  const bool is_same = index_ && index_->map_hash == index.map_hash;
+  if (index_ && !is_same && sender_id != sender_id_ && ++foreign_indices_ <= kForeignIndicesMax) {
+    return;
+  }
+  foreign_indices_ = 0;
+  index_ = index;
+  sender_id_ = sender_id;
+}
 
 MapOffer::MapOffer(int tile_cells, BlobExchange& exchange)
     : tile_cells_(tile_cells), exchange_(exchange) {}
@@ -250,7 +262,6 @@ MapAssembly::MapAssembly(BlobExchange& exchange) : impl_(std::make_unique<Impl>(
 MapAssembly::~MapAssembly() = default;
 
 void MapAssembly::receive(const messages::MapIndex& index, std::int64_t sender_id) {
-  constexpr int kForeignIndicesMax = 2;
   Impl& impl = *impl_;
   if (impl.index && impl.index->map_hash == index.map_hash &&
       impl.index->tile_table == index.tile_table && impl.index->features == index.features &&

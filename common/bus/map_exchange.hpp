@@ -17,6 +17,19 @@ namespace hedgehop::bus {
 /// publish. The map may go afterwards. Throws UsageError when it is too large for the bus.
 messages::MapIndex offer_map(const map::Map& map, int tile_cells, BlobExchange& exchange);
 
+/// The map that counts for somebody who only needs to know which one it is: that of the first
+/// map_tiler, or of another one that is heard three times in a row.
+class NewestIndex {
+ public:
+  void hear(const messages::MapIndex& index, std::int64_t sender_id);
+  [[nodiscard]] const std::optional<messages::MapIndex>& index() const { return index_; }
+
+ private:
+  std::optional<messages::MapIndex> index_;
+  std::int64_t sender_id_ = 0;
+  int foreign_indices_ = 0;  // in a row
+};
+
 /// Keeps one map on offer, which may change: tiles in which nothing has changed are neither encoded
 /// nor sent again, and those that are gone are withdrawn one change later, so that whoever still
 /// collects them gets them.

@@ -24,6 +24,7 @@ void on_signal(int signal) {
   g_stop_requested = true;
 }
 
+constexpr std::string_view kOurs = "hedgehop ";
 constexpr double kStatusPeriod_s = 1.0;
 /// Longest silence between looks at the stop signal.
 constexpr double kStopCheck_s = 0.1;
@@ -143,6 +144,17 @@ int run_main(const std::string& service_name, const std::function<int()>& body) 
   }
 }
 
+std::string provenance_of(std::string_view service) {
+  return std::string(kOurs) + std::string(service) + ' ' + HEDGEHOP_VERSION;
+}
+
+std::string reason_against_provenance(std::string_view provenance) {
+  if (!provenance.starts_with(kOurs) || provenance.ends_with(" " HEDGEHOP_VERSION)) {
+    return {};
+  }
+  return "it was made by " + std::string(provenance) + ", this is version " HEDGEHOP_VERSION;
+}
+
 ServiceLoop::ServiceLoop(Bus& bus, BlobExchange& exchange, std::string name,
                          const Hash128& config_hash)
     : bus_(bus), exchange_(exchange), start_(bus.now()), next_status_(start_) {
@@ -172,8 +184,8 @@ void ServiceLoop::run(double period_s, const std::function<void(Time now)>& tick
 
 void ServiceLoop::turn(double timeout_s, const std::function<void(Time now)>& tick) {
   bus_.poll(timeout_s);
-  const Time now = bus_.now();
-  tick(now);
+  tick(bus_.now());
+  const Time now = bus_.now();  // a tick may last as long as a plan
   exchange_.tick(now);
   if (now >= next_status_ || next_status_ > now + 2.0 * kStatusPeriod_s) {
     publish_status();

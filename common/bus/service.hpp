@@ -3,6 +3,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/hash.hpp"
@@ -57,6 +58,12 @@ std::optional<ServiceArguments> parse_service_arguments(int argc, const char* co
 /// Runs `body` and turns what it throws into one line on stderr (and one for the hint) and an exit
 /// code.
 int run_main(const std::string& service_name, const std::function<int()>& body);
+
+/// Who makes ROUTE or TRAJECTORY, for their provenance: "hedgehop global_planner 0.1.0".
+std::string provenance_of(std::string_view service);
+/// Why an answer of that provenance must not be used, with both versions: it comes from another
+/// version of hedgehop. Empty if it does not; programs of others are taken as they are.
+std::string reason_against_provenance(std::string_view provenance);
 
 /// Drives one process on the bus: hands messages over, paces chunks, ticks, publishes
 /// SERVICE_STATUS, and tells the supervisor of the process with each of these that it is alive.

@@ -37,6 +37,9 @@ class Transport {
   /// The next message; waits up to `timeout_s` for it.
   virtual std::optional<Incoming> take(double timeout_s) = 0;
   [[nodiscard]] virtual TransportCounters counters() const = 0;
+  /// Asks that receiving goes before everything else that the machine does, as far as the system
+  /// allows it: for a recorder, which cannot ask again.
+  virtual void hurry() {}
   [[nodiscard]] virtual bool is_finished() const { return false; }
   /// Time of a transport that has its own.
   [[nodiscard]] virtual std::optional<Time> time() const { return std::nullopt; }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
@@ -42,6 +43,16 @@ PathFlight::PathFlight(const flight::Trajectory& trajectory, Plant plant,
     record_.power_max_w = rotor_state_.power_w;
   }
   command_ = {airspeed_mps, heading_rad, first.climb_rate_mps};
+}
+
+void PathFlight::take_over(const PathFlight& before) {
+  if (plant_.index() != before.plant_.index()) {
+    throw std::invalid_argument("a flight goes on with the plant that it has");
+  }
+  model_state_ = before.model_state_;
+  rotor_state_ = before.rotor_state_;
+  command_ = before.command_;
+  record_.power_max_w = rotor_state_.power_w;
 }
 
 FollowedState PathFlight::place() const {

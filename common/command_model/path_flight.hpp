@@ -36,6 +36,10 @@ class PathFlight {
   PathFlight(const flight::Trajectory& trajectory, Plant plant, const FollowerOptions& options,
              bool has_feed_forward, const Wind& wind);
 
+  /// Goes on from where another flight of the same kind of plant is, instead of the path's first
+  /// state.
+  void take_over(const PathFlight& before);
+
   /// One step of the trajectory's step_s.
   void step();
 

@@ -45,6 +45,9 @@ BusOptions read_bus_options(ConfigReader& reader) {
   }
   options.timeout_s = reader.required_double("timeout_s");
   reader.require(options.timeout_s >= 1.0, "timeout_s", "must be at least 1");
+  options.cell_m = reader.required_double("cell_m");
+  reader.require(options.cell_m >= 5.0 && options.cell_m <= 100.0, "cell_m",
+                 "must lie in 5 to 100");
   reader.finish();
   return options;
 }
@@ -157,7 +160,9 @@ FlightResult evaluate_flight(const map::Map& map, const planning::PlanningConfig
           row.power_share_max = std::numeric_limits<double>::quiet_NaN();
         }
         row.torque_margin_min = 1.0 - row.power_share_max;
-        result.is_held = result.is_held && (!has_feed_forward || row.within_margins == row.flights);
+        result.is_held = result.is_held &&
+                         (!has_feed_forward ||
+                          (row.within_margins == row.flights && row.power_limited_flights == 0));
         result.rows.push_back(row);
       }
     }

@@ -20,6 +20,7 @@ struct BusOptions {
   DrawingRules drawing;
   std::vector<double> loss_percents;
   double timeout_s = 0.0;  // longest wait for a service
+  double cell_m = 0.0;     // of a map that is made for the purpose
 };
 BusOptions read_bus_options(ConfigReader& reader);
 
@@ -63,7 +64,8 @@ struct FlightResult {
   double above_margin_m = 0.0;
   double rotor_power_kw = 0.0;
   std::vector<FlightRow> rows;
-  bool is_held = false;  // every flight with feed-forward was within the margins
+  // Every flight with feed-forward was within the margins and within the power that there is.
+  bool is_held = false;
 };
 /// JSON, schema_version first.
 std::string flight_result_json(const FlightResult& result);

@@ -95,6 +95,8 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   // Ground beyond the goal is never flown over.
   const double reach_m = is_outbound_ ? std::numeric_limits<double>::infinity()
                                       : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
+  question_ = question;
+  has_given_way_ = false;
   FlownStep step;
   step.state = state;
   step.command.speed_mps = speed_mps_;
@@ -104,6 +106,7 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
                                     reach_m, step);
   commanded_rad_ = step.command.heading_math_rad;
   before_rad_ = step.target_heading_math_rad;
+  chosen_rad_ = step.target_heading_math_rad;
   double needed = std::max(judgement.needed, tangent_min_);
   if (judgement.ahead) {
     needed = std::max(needed, judgement.ahead->climb_rate_mps / speed_mps);
@@ -215,10 +218,38 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
 
 double Decider::give_way(const ModelState& state, FlownStep& step) {
   ++infeasible_decisions_;
+  has_given_way_ = true;
   step.command.heading_math_rad = step.target_heading_math_rad;
   heading_.reset(state.heading_math_rad);
   step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
   return model_.vehicle().limits.climb_rate_max_mps / state.speed_mps;
+}
+
+Decision Decider::last_decision() const {
+  Decision decision;
+  if (rollout_) {
+    return decision;
+  }
+  const std::vector<float> costs =
+      direction_costs(histogram_, sectors_, options_.weights, question_);
+  const auto tangent_max = static_cast<float>(question_.tangent_max);
+  for (std::size_t k = 0; k < costs.size(); ++k) {
+    Decision::Sector sector;
+    const bool has_cells = histogram_.risk_weight[k] > 0.0F;
+    const float tangent = histogram_.tan_masked[k];
+    sector.climb_tangent = std::isfinite(tangent) ? static_cast<double>(tangent)
+                                                  : std::numeric_limits<double>::quiet_NaN();
+    sector.cost = costs[k];
+    sector.mask = histogram_.tan_climb[k] > tangent_max ? DirectionMask::kClimb
+                  : tangent > tangent_max               ? DirectionMask::kTurn
+                  : has_cells                           ? DirectionMask::kFree
+                                                        : DirectionMask::kUnknown;
+    decision.sectors.push_back(sector);
+  }
+  if (!has_given_way_) {
+    decision.chosen_sector = sectors_.of_angle(chosen_rad_);
+  }
+  return decision;
 }
 
 bool Decider::is_on_final_part() const {

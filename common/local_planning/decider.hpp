@@ -7,6 +7,7 @@
 
 #include "command_model/command_model.hpp"
 #include "local_planning/climb_profile.hpp"
+#include "local_planning/decision.hpp"
 #include "local_planning/direction.hpp"
 #include "local_planning/guide.hpp"
 #include "local_planning/histogram_table.hpp"
@@ -40,6 +41,9 @@ class Decider {
   /// goal alone counts.
   [[nodiscard]] bool is_on_final_part() const;
   [[nodiscard]] std::int64_t infeasible_decisions() const { return infeasible_decisions_; }
+
+  /// What the last step was decided by; without number and state.
+  [[nodiscard]] Decision last_decision() const;
 
  private:
   /// What the terrain asks for, and the ground ahead of the commanded heading.
@@ -87,6 +91,9 @@ class Decider {
   Indicator climb_;
   PolarHistogram histogram_;
   DirectionScratch scratch_;
+  DirectionQuestion question_;  // of the last step
+  double chosen_rad_ = 0.0;     // likewise
+  bool has_given_way_ = false;  // likewise
   std::int64_t infeasible_decisions_ = 0;
   bool is_outbound_ = false;
   double outbound_rad_ = 0.0;

@@ -16,9 +16,8 @@ float apart(float a_rad, float b_rad) {
   return std::min(difference_rad, kTwoPi_f - difference_rad);
 }
 
-}  // namespace
-
-int plain_cheapest(const DirectionTask& task) {
+// Fills task.polar; returns its mean over the sectors with cells.
+float polar_mean(const DirectionTask& task) {
   float partial[kLanes] = {};
   int known = 0;
   for (int k = 0; k < task.sectors; ++k) {
@@ -36,44 +35,28 @@ int plain_cheapest(const DirectionTask& task) {
       partial[i] += partial[i + width];
     }
   }
-  const float mean = known > 0 ? partial[0] / static_cast<float>(known) : 0.0F;
-
-  const auto extra = [&](int k, float direction_rad) {
-    if (!(task.polar_share > 0.0F) || !(task.risk_weight[k] > 0.0F)) {
-      return 0.0F;
-    }
-    const float off_rad = apart(direction_rad, task.heading_rad);
-    return task.polar_share * (task.polar[k] - mean) /
-           (off_rad * off_rad * off_rad + task.polar_offset);
-  };
-  int chosen = kNoDirection;
-  float best = std::numeric_limits<float>::infinity();
-  if (task.tan_masked[task.goal_sector] <= task.tangent_max) {
-    chosen = kGoalDirection;
-    best = extra(task.goal_sector, task.goal_rad);
-  }
-  for (int k = 0; k < task.sectors; ++k) {
-    if (!(task.tan_masked[k] <= task.tangent_max)) {
-      continue;
-    }
-    const float off_goal_rad = apart(task.centre_rad[k], task.goal_rad);
-    const float cost =
-        task.goal_weight * (task.is_quadratic ? off_goal_rad * off_goal_rad : off_goal_rad) +
-        extra(k, task.centre_rad[k]);
-    if (cost < best) {
-      best = cost;
-      chosen = k;
-    }
-  }
-  return chosen;
+  return known > 0 ? partial[0] / static_cast<float>(known) : 0.0F;
 }
 
-std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
-                                             const Sectors& sectors,
-                                             const DirectionWeights& weights,
-                                             const DirectionQuestion& question,
-                                             DirectionScratch& scratch,
-                                             int (*cheapest)(const DirectionTask&)) {
+// Cost of risk and climb in a direction of sector k.
+float polar_cost(const DirectionTask& task, float mean, int k, float direction_rad) {
+  if (!(task.polar_share > 0.0F) || !(task.risk_weight[k] > 0.0F)) {
+    return 0.0F;
+  }
+  const float off_rad = apart(direction_rad, task.heading_rad);
+  return task.polar_share * (task.polar[k] - mean) /
+         (off_rad * off_rad * off_rad + task.polar_offset);
+}
+
+float sector_cost(const DirectionTask& task, float mean, int k) {
+  const float off_goal_rad = apart(task.centre_rad[k], task.goal_rad);
+  return task.goal_weight * (task.is_quadratic ? off_goal_rad * off_goal_rad : off_goal_rad) +
+         polar_cost(task, mean, k, task.centre_rad[k]);
+}
+
+DirectionTask task_of(const PolarHistogram& histogram, const Sectors& sectors,
+                      const DirectionWeights& weights, const DirectionQuestion& question,
+                      DirectionScratch& scratch) {
   const auto size = static_cast<std::size_t>(padded_to_lanes(sectors.count()));
   if (scratch.centre_rad.size() != size) {
     scratch.centre_rad.assign(size, 0.0F);
@@ -101,6 +84,54 @@ std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
   task.tangent_min = static_cast<float>(question.tangent_min);
   task.tangent_max = static_cast<float>(question.tangent_max);
   task.polar_share = static_cast<float>(question.polar_share);
+  return task;
+}
+
+}  // namespace
+
+int plain_cheapest(const DirectionTask& task) {
+  const float mean = polar_mean(task);
+  int chosen = kNoDirection;
+  float best = std::numeric_limits<float>::infinity();
+  if (task.tan_masked[task.goal_sector] <= task.tangent_max) {
+    chosen = kGoalDirection;
+    best = polar_cost(task, mean, task.goal_sector, task.goal_rad);
+  }
+  for (int k = 0; k < task.sectors; ++k) {
+    if (!(task.tan_masked[k] <= task.tangent_max)) {
+      continue;
+    }
+    const float cost = sector_cost(task, mean, k);
+    if (cost < best) {
+      best = cost;
+      chosen = k;
+    }
+  }
+  return chosen;
+}
+
+std::vector<float> direction_costs(const PolarHistogram& histogram, const Sectors& sectors,
+                                   const DirectionWeights& weights,
+                                   const DirectionQuestion& question) {
+  DirectionScratch scratch;
+  const DirectionTask task = task_of(histogram, sectors, weights, question, scratch);
+  const float mean = polar_mean(task);
+  std::vector<float> costs;
+  for (int k = 0; k < task.sectors; ++k) {
+    costs.push_back(task.tan_masked[k] <= task.tangent_max
+                        ? sector_cost(task, mean, k)
+                        : std::numeric_limits<float>::quiet_NaN());
+  }
+  return costs;
+}
+
+std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
+                                             const Sectors& sectors,
+                                             const DirectionWeights& weights,
+                                             const DirectionQuestion& question,
+                                             DirectionScratch& scratch,
+                                             int (*cheapest)(const DirectionTask&)) {
+  const DirectionTask task = task_of(histogram, sectors, weights, question, scratch);
   const int chosen = cheapest(task);
   if (chosen == kNoDirection) {
     return std::nullopt;

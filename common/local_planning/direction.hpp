@@ -58,6 +58,11 @@ std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
                                              DirectionScratch& scratch,
                                              int (*cheapest)(const DirectionTask&));
 
+/// cost_k of each sector as above, in plain form; NaN for one that is not feasible.
+std::vector<float> direction_costs(const PolarHistogram& histogram, const Sectors& sectors,
+                                   const DirectionWeights& weights,
+                                   const DirectionQuestion& question);
+
 /// The choice in plain form: a sector, kGoalDirection or kNoDirection.
 int plain_cheapest(const DirectionTask& task);
 

@@ -131,21 +131,20 @@ LocalGround local_ground(const risk::CostModel& costs, const LocalOptions& optio
   return ground;
 }
 
-std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
-                                               const command_model::Vehicle& vehicle,
-                                               const LocalOptions& options,
-                                               const std::vector<flight::Waypoint>& guide,
-                                               const command_model::ModelState& initial,
-                                               double speed_mps, const StepModel& step_model,
-                                               Observer& observer, Kernel kernel) {
+std::variant<Flight, flight::NoPlan> fly_along(
+    const risk::CostModel& costs, const command_model::Vehicle& vehicle,
+    const LocalOptions& options, const std::vector<flight::Waypoint>& guide,
+    const command_model::ModelState& initial, double speed_mps, const StepModel& step_model,
+    Observer& observer, Kernel kernel, const DecisionWatch& watch) {
   return fly_along(local_ground(costs, options), vehicle, options, guide, initial, speed_mps,
-                   step_model, observer, kernel);
+                   step_model, observer, kernel, watch);
 }
 
 std::variant<Flight, flight::NoPlan> fly_along(
     const LocalGround& ground, const command_model::Vehicle& vehicle, const LocalOptions& options,
     const std::vector<flight::Waypoint>& guide, const command_model::ModelState& initial,
-    double speed_mps, const StepModel& step_model, Observer& observer, Kernel kernel) {
+    double speed_mps, const StepModel& step_model, Observer& observer, Kernel kernel,
+    const DecisionWatch& watch) {
   const flight::Limits& limits = vehicle.limits;
   if (!is_finite(initial)) {
     throw std::invalid_argument("the state at the start must be finite");
@@ -197,6 +196,12 @@ std::variant<Flight, flight::NoPlan> fly_along(
                                 " times the length of the route");
       }
       flight.steps.push_back(decider.decide(state, trigonometry));
+      if (watch.is_wanted && watch.is_wanted()) {
+        Decision decision = decider.last_decision();
+        decision.number = flight.decisions;
+        decision.state = state;
+        watch.show(decision);
+      }
       ++flight.decisions;
       const Command& command = flight.steps.back().command;
       if (step_model) {

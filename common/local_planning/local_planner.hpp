@@ -12,6 +12,7 @@
 #include "flight/plan_request.hpp"
 #include "flight/route.hpp"
 #include "local_planning/climb_profile.hpp"
+#include "local_planning/decision.hpp"
 #include "local_planning/direction.hpp"
 #include "local_planning/histogram_table.hpp"
 #include "local_planning/indicator.hpp"
@@ -138,17 +139,16 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// @param initial     state at the first waypoint, within the vehicle's limits
 /// @param step_model  empty: the command model is stepped in process
 /// @param kernel      same bytes whatever it is
+/// @param watch       shown the decisions that it wants to see
 /// @return  the flight of the last pass; counts are of all passes. NoPlan: kLocalPlannerStuck with
 ///          the place when the goal is not reached, kStopped when the observer says so.
 /// @throws std::invalid_argument  for a guide or state that is not finite, a speed out of limits.
 /// @note  A function of its arguments alone, as far as `step_model` is one.
-std::variant<Flight, flight::NoPlan> fly_along(const risk::CostModel& costs,
-                                               const command_model::Vehicle& vehicle,
-                                               const LocalOptions& options,
-                                               const std::vector<flight::Waypoint>& guide,
-                                               const command_model::ModelState& initial,
-                                               double speed_mps, const StepModel& step_model,
-                                               Observer& observer, Kernel kernel = Kernel::kBest);
+std::variant<Flight, flight::NoPlan> fly_along(
+    const risk::CostModel& costs, const command_model::Vehicle& vehicle,
+    const LocalOptions& options, const std::vector<flight::Waypoint>& guide,
+    const command_model::ModelState& initial, double speed_mps, const StepModel& step_model,
+    Observer& observer, Kernel kernel = Kernel::kBest, const DecisionWatch& watch = {});
 
 /// What flights along any guide on a map share; immutable.
 struct LocalGround {
@@ -160,12 +160,10 @@ LocalGround local_ground(const risk::CostModel& costs, const LocalOptions& optio
 /// The same for many flights on one map. The options may differ from those of local_ground() in
 /// what concerns neither window, sectors, passes, safety radius, mode, arcs nor weights of the
 /// risk.
-std::variant<Flight, flight::NoPlan> fly_along(const LocalGround& ground,
-                                               const command_model::Vehicle& vehicle,
-                                               const LocalOptions& options,
-                                               const std::vector<flight::Waypoint>& guide,
-                                               const command_model::ModelState& initial,
-                                               double speed_mps, const StepModel& step_model,
-                                               Observer& observer, Kernel kernel = Kernel::kBest);
+std::variant<Flight, flight::NoPlan> fly_along(
+    const LocalGround& ground, const command_model::Vehicle& vehicle, const LocalOptions& options,
+    const std::vector<flight::Waypoint>& guide, const command_model::ModelState& initial,
+    double speed_mps, const StepModel& step_model, Observer& observer,
+    Kernel kernel = Kernel::kBest, const DecisionWatch& watch = {});
 
 }  // namespace hedgehop::local_planning

@@ -112,7 +112,8 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
                                                const flight::RoutePlan& route_plan,
                                                const PlanningConfig& config,
                                                const local_planning::StepModel& step_model,
-                                               Observer& observer) {
+                                               Observer& observer,
+                                               const local_planning::DecisionWatch& watch) {
   if (route_plan.map.hash != map.hash) {
     throw DataError("the route was planned on map " + route_plan.map.hash.hex() +
                         ", the map at hand is " + map.hash.hex(),
@@ -143,7 +144,7 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
           {point.x_m, point.y_m, raster::sample_bilinear(map.surface_m, point) + *via.height_m});
     }
   }
-  auto flown = fly_route(costs, config, task, step_model, observer);
+  auto flown = fly_route(costs, config, task, step_model, observer, watch);
   if (auto* no_plan = std::get_if<NoPlan>(&flown)) {
     return std::move(*no_plan);
   }

@@ -50,12 +50,11 @@ std::variant<flight::RoutePlan, flight::NoPlan> plan_route(
     const global_planning::OnProgress& on_progress, Observer& observer);
 
 /// Route -> verified trajectory: what the local_planner service does. `step_model` may be empty:
-/// the command model is then stepped in process.
-std::variant<flight::Plan, flight::NoPlan> plan_flight(const map::Map& map,
-                                                       const flight::RoutePlan& route_plan,
-                                                       const PlanningConfig& config,
-                                                       const local_planning::StepModel& step_model,
-                                                       Observer& observer);
+/// the command model is then stepped in process. `watch` is shown the decisions it wants to see.
+std::variant<flight::Plan, flight::NoPlan> plan_flight(
+    const map::Map& map, const flight::RoutePlan& route_plan, const PlanningConfig& config,
+    const local_planning::StepModel& step_model, Observer& observer,
+    const local_planning::DecisionWatch& watch = {});
 
 /// Both: what `hedgehop plan` does.
 std::variant<flight::Plan, flight::NoPlan> plan(const map::Map& map,

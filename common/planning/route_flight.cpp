@@ -67,14 +67,16 @@ bool is_cheaper(const Candidate& a, const Candidate& b) {
 // reason if none arrives or the observer stops it.
 std::variant<std::vector<Candidate>, NoPlan> flown_at(
     double speed_mps, const risk::CostModel& costs, const PlanningConfig& config,
-    const RouteTask& task, const local_planning::StepModel& step_model, Observer& observer) {
+    const RouteTask& task, const local_planning::StepModel& step_model, Observer& observer,
+    const local_planning::DecisionWatch& watch) {
   const local_planning::LocalOptions& local = config.local;
   const command_model::CommandModel model(config.vehicle);
   std::vector<Candidate> candidates;
   std::optional<NoPlan> no_plan;
   const auto fly = [&](const local_planning::LocalOptions& options, bool is_following) {
     auto flown = local_planning::fly_along(costs, config.vehicle, options, task.guide, task.initial,
-                                           speed_mps, step_model, observer);
+                                           speed_mps, step_model, observer,
+                                           local_planning::Kernel::kBest, watch);
     if (auto* stuck = std::get_if<NoPlan>(&flown)) {
       if (!no_plan || stuck->cause == flight::NoPlanCause::kStopped) {
         no_plan = std::move(*stuck);
@@ -110,7 +112,8 @@ std::variant<std::vector<Candidate>, NoPlan> flown_at(
 std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
                                             const PlanningConfig& config, const RouteTask& task,
                                             const local_planning::StepModel& step_model,
-                                            Observer& observer) {
+                                            Observer& observer,
+                                            const local_planning::DecisionWatch& watch) {
   const geo::MapProjection projection(costs.map().crs_wkt);
   std::vector<double> speeds_mps{task.speed_mps};
   for (const double speed_mps : config.local.retry_speeds_mps) {
@@ -121,7 +124,7 @@ std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
   std::optional<RouteFlight> best;
   std::optional<NoPlan> no_plan;
   for (const double speed_mps : speeds_mps) {
-    auto flown = flown_at(speed_mps, costs, config, task, step_model, observer);
+    auto flown = flown_at(speed_mps, costs, config, task, step_model, observer, watch);
     if (auto* none = std::get_if<NoPlan>(&flown)) {
       if (none->cause == flight::NoPlanCause::kStopped) {
         return std::move(*none);

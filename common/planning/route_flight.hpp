@@ -41,10 +41,9 @@ struct RouteFlight {
 /// again at each lower speed of `retry_speeds_mps`: slower, the same climb rate is a steeper climb
 /// and a turn is tighter. If none verifies at last, the one with the greatest clearance is
 /// returned; NoPlan if none arrived.
-std::variant<RouteFlight, flight::NoPlan> fly_route(const risk::CostModel& costs,
-                                                    const PlanningConfig& config,
-                                                    const RouteTask& task,
-                                                    const local_planning::StepModel& step_model,
-                                                    Observer& observer);
+std::variant<RouteFlight, flight::NoPlan> fly_route(
+    const risk::CostModel& costs, const PlanningConfig& config, const RouteTask& task,
+    const local_planning::StepModel& step_model, Observer& observer,
+    const local_planning::DecisionWatch& watch = {});
 
 }  // namespace hedgehop::planning

@@ -20,6 +20,7 @@ using messages::Stamp;
 
 constexpr std::size_t kKeptRoutes = 16;
 constexpr std::size_t kLockstepTargetsMax = 1000;
+constexpr double kJoining_m = 0.5;  // a state is 2 m from the next one at 40 m/s
 
 // What the local planner told the model at a state of a trajectory.
 command_model::Command command_of(const flight::FlightState& state) {
@@ -57,6 +58,9 @@ CommandModelOptions read_command_model_options(ConfigReader reader) {
                   : plant == "closed_loop" ? CommandModelOptions::Plant::kClosedLoop
                                            : CommandModelOptions::Plant::kReplay;
   options.has_feed_forward = reader.required_bool("feed_forward");
+  options.replan_lead_s = reader.required_double("replan_lead_s");
+  reader.require(options.replan_lead_s >= 0.0 && options.replan_lead_s <= 120.0, "replan_lead_s",
+                 "must lie between 0 and 120");
   const double wind_mps = reader.required_double("wind_mps");
   reader.require(wind_mps >= 0.0 && wind_mps <= 30.0, "wind_mps", "must lie between 0 and 30");
   const double wind_from_rad = reader.required_angle("wind_from_deg");
@@ -83,6 +87,10 @@ std::shared_ptr<const command_model::RotorPlant> shipped_rotor() {
 
 struct CommandModelService::Flight {
   Hash128 request_id;
+  Hash128 plan_id;  // blob of the trajectory
+  Hash128 map_hash;
+  std::int64_t patch_number = 0;
+  flight::RoutePlan route;
   Model model;
   std::optional<flight::Trajectory> trajectory;     // none: flown by targets
   std::unique_ptr<command_model::PathFlight> path;  // along the trajectory; none: by its commands
@@ -96,6 +104,27 @@ struct CommandModelService::Flight {
   double horizontal_deviation_max_m = 0.0;
   double vertical_deviation_max_m = 0.0;
 
+  // Where on its trajectory it is.
+  [[nodiscard]] std::size_t place() const {
+    const auto step = path ? static_cast<std::size_t>(path->plan_time_s() / step_s)
+                           : static_cast<std::size_t>(step_number);
+    return std::min(step, trajectory->states.size() - 1);
+  }
+  // Where on the path still ahead another trajectory begins, if it does.
+  [[nodiscard]] std::optional<std::size_t> step_at(const flight::FlightState& first) const {
+    if (!trajectory) {
+      return std::nullopt;
+    }
+    const auto& states = trajectory->states;
+    for (std::size_t step = place() + 1; step < states.size(); ++step) {
+      const double dx_m = states[step].x_m - first.x_m;
+      const double dy_m = states[step].y_m - first.y_m;
+      if (dx_m * dx_m + dy_m * dy_m < kJoining_m * kJoining_m) {
+        return step;
+      }
+    }
+    return std::nullopt;
+  }
   [[nodiscard]] Time time_of(std::int64_t step) const {
     return start + static_cast<double>(step) * step_s;
   }
@@ -109,6 +138,9 @@ struct CommandModelService::Flight {
         std::max(vertical_deviation_max_m, std::fabs(state.altitude_m - wanted.altitude_m));
   }
   [[nodiscard]] std::string text() const {
+    return flown_text() + (patch_number > 0 ? ", on patch " + std::to_string(patch_number) : "");
+  }
+  [[nodiscard]] std::string flown_text() const {
     char text[300];
     if (path) {
       const command_model::PathRecord& record = path->record();
@@ -137,7 +169,12 @@ struct CommandModelService::Flight {
 CommandModelService::CommandModelService(const CommandModelOptions& options, bus::Bus& bus,
                                          bus::BlobExchange& exchange, bus::ServiceLoop& loop,
                                          std::shared_ptr<const command_model::RotorPlant> rotor)
-    : options_(options), rotor_(std::move(rotor)), bus_(bus), exchange_(exchange), loop_(loop) {
+    : options_(options),
+      rotor_(std::move(rotor)),
+      bus_(bus),
+      exchange_(exchange),
+      loop_(loop),
+      replanner_(options.replan_lead_s, bus, exchange) {
   HEDGEHOP_ASSERT(options.plant != CommandModelOptions::Plant::kRotor || rotor_);
   bus.subscribe<messages::RouteHeader>(messages::kRouteChannel,
                                        [this](const messages::RouteHeader& route, const Stamp&) {
@@ -146,7 +183,8 @@ CommandModelService::CommandModelService(const CommandModelOptions& options, bus
   bus.subscribe<messages::TrajectoryHeader>(
       messages::kTrajectoryChannel,
       [this](const messages::TrajectoryHeader& trajectory, const Stamp&) {
-        if (trajectory.plan.id != flown_plan_) {
+        if (trajectory.plan.id != flown_plan_ &&
+            (!next_flight_ || trajectory.plan.id != next_flight_->plan_id)) {
           next_trajectory_ = trajectory;
         }
       });
@@ -215,6 +253,16 @@ void CommandModelService::tick(Time now) {
   if (flight_) {
     fly(now);
   }
+  replanner_.tick(newest_flight(), now);
+}
+
+std::optional<FlightUnderWay> CommandModelService::newest_flight() const {
+  const Flight* flight = next_flight_ ? next_flight_.get() : flight_.get();
+  if (flight == nullptr || !flight->trajectory) {
+    return std::nullopt;
+  }
+  const std::size_t step = next_flight_ ? 0 : flight->place();
+  return FlightUnderWay{&flight->route, &*flight->trajectory, step, flight->map_hash};
 }
 
 void CommandModelService::take_off_if_ready(Time now) {
@@ -230,31 +278,61 @@ void CommandModelService::take_off_if_ready(Time now) {
     return;
   }
   next_trajectory_.reset();
-  const flight::RoutePlan route = messages::decode_route_plan(*exchange_.content(header.route.id));
-  flight::Plan plan = messages::decode_flight_plan(*content, route, header.route.id);
+  auto next = std::make_unique<Flight>();
+  next->route = messages::decode_route_plan(*exchange_.content(header.route.id));
+  flight::Plan plan = messages::decode_flight_plan(*content, next->route, header.route.id);
   exchange_.forget(header.plan.id);
   if (plan.trajectory.states.size() < 2 || plan.trajectory.step_s > 0.2) {
     throw messages::MessageError("the trajectory has too few states or too long a step");
   }
-  flight_ = std::make_unique<Flight>();
-  flight_->request_id = header.request_id;
-  flight_->model = model;
-  flight_->step_s = plan.trajectory.step_s;
-  flight_->state = model_state_of(plan.trajectory.states.front());
-  flight_->command = command_of(plan.trajectory.states.front());
-  flight_->trajectory = std::move(plan.trajectory);
+  next->request_id = header.request_id;
+  next->plan_id = header.plan.id;
+  next->map_hash = header.map_hash;
+  next->patch_number = header.patch_number;
+  next->model = model;
+  next->step_s = plan.trajectory.step_s;
+  next->state = model_state_of(plan.trajectory.states.front());
+  next->command = command_of(plan.trajectory.states.front());
+  next->trajectory = std::move(plan.trajectory);
   if (options_.plant != CommandModelOptions::Plant::kReplay) {
     const bool is_rotor = options_.plant == CommandModelOptions::Plant::kRotor;
-    flight_->path = std::make_unique<command_model::PathFlight>(
-        *flight_->trajectory, is_rotor ? command_model::Plant(rotor_) : command_model::Plant(model),
+    next->path = std::make_unique<command_model::PathFlight>(
+        *next->trajectory, is_rotor ? command_model::Plant(rotor_) : command_model::Plant(model),
         options_.path_following, options_.has_feed_forward, options_.wind);
-    flight_->rotor_power_max_w = is_rotor ? rotor_->power_max_w() : 0.0;
+    next->rotor_power_max_w = is_rotor ? rotor_->power_max_w() : 0.0;
   }
-  flight_->start = now;
-  flown_plan_ = header.plan.id;
   target_.reset();
+  const auto joining_step =
+      flight_ ? flight_->step_at(next->trajectory->states.front()) : std::nullopt;
+  if (joining_step) {
+    next_flight_ = std::move(next);
+    next_flight_step_ = *joining_step;
+  } else if (flight_ && replanner_.has_asked(next->request_id)) {
+    flown_plan_ = next->plan_id;  // too late: its beginning has been passed
+  } else {
+    begin(std::move(next), now);
+  }
+}
+
+void CommandModelService::begin(std::unique_ptr<Flight> flight, Time start) {
+  next_flight_.reset();
+  flight_ = std::move(flight);
+  flight_->start = start;
+  flown_plan_ = flight_->plan_id;
   loop_.set_state(ServiceState::kWorking, flight_->text());
   publish_state(*flight_);
+}
+
+void CommandModelService::join_if_there() {
+  if (!next_flight_ || flight_->place() < next_flight_step_) {
+    return;
+  }
+  // The vehicle is what it is, whatever state the new plan begins with.
+  next_flight_->state = flight_->state;
+  if (flight_->path) {
+    next_flight_->path->take_over(*flight_->path);
+  }
+  begin(std::move(next_flight_), flight_->time_of(flight_->step_number));
 }
 
 void CommandModelService::answer_lockstep() {
@@ -292,6 +370,7 @@ void CommandModelService::take_over_if_targeted(Time now) {
         flight_ && flight_->request_id == target_->request_id ? flight_->state : target_->state;
     taken->step_s = std::min(target_->step_s, 0.05);
     taken->start = now;
+    next_flight_.reset();
     flight_ = std::move(taken);
     loop_.set_state(ServiceState::kWorking, "flown by VEHICLE_TARGET");
   }
@@ -302,6 +381,7 @@ void CommandModelService::take_over_if_targeted(Time now) {
 
 void CommandModelService::fly(Time now) {
   for (int steps = 0; steps < options_.catch_up_steps_max; ++steps) {
+    join_if_there();
     Flight& flight = *flight_;
     if (flight.time_of(flight.step_number + 1) > now) {
       return;
@@ -322,7 +402,7 @@ void CommandModelService::fly(Time now) {
         return;
       }
       if (flight.step_number % 20 == 0) {
-        loop_.set_state(ServiceState::kWorking, flight.text());
+        loop_.set_state(ServiceState::kWorking, flight.text() + replanner_.text());
       }
       continue;
     }
@@ -340,13 +420,14 @@ void CommandModelService::fly(Time now) {
       return;
     }
     if (flight.trajectory && flight.step_number % 20 == 0) {
-      loop_.set_state(ServiceState::kWorking, flight.text());
+      loop_.set_state(ServiceState::kWorking, flight.text() + replanner_.text());
     }
   }
 }
 
 void CommandModelService::end_flight(const std::string& text) {
   flight_.reset();
+  next_flight_.reset();
   loop_.set_state(ServiceState::kReady, text);
 }
 
@@ -358,13 +439,9 @@ void CommandModelService::publish_state(const Flight& flight) {
   message.state = flight.state;
   message.command = flight.command;
   if (flight.trajectory) {
-    const auto place = flight.path
-                           ? static_cast<std::size_t>(flight.path->plan_time_s() / flight.step_s)
-                           : static_cast<std::size_t>(flight.step_number);
-    message.heading_true_rad = true_from_grid_azimuth_rad(
-        azimuth_from_math_angle_rad(flight.state.heading_math_rad),
-        flight.trajectory->states[std::min(place, flight.trajectory->states.size() - 1)]
-            .convergence_rad);
+    message.heading_true_rad =
+        true_from_grid_azimuth_rad(azimuth_from_math_angle_rad(flight.state.heading_math_rad),
+                                   flight.trajectory->states[flight.place()].convergence_rad);
   }
   bus_.publish(messages::kVehicleStateChannel, message, flight.time_of(flight.step_number));
 }

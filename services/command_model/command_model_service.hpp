@@ -15,6 +15,7 @@
 #include "command_model/command_model.hpp"
 #include "command_model/path_flight.hpp"
 #include "flight/plan.hpp"
+#include "flight_replanner.hpp"
 #include "messages/plan_messages.hpp"
 #include "messages/vehicle_messages.hpp"
 
@@ -25,6 +26,7 @@ struct CommandModelOptions {
   double tick_period_s = 0.0;
   double target_age_max_s = 0.0;  // a real-time target is held this long, then the flight ends
   int catch_up_steps_max = 0;     // steps in one tick when the process was held up
+  double replan_lead_s = 0.0;     // see FlightReplanner
   enum class Plant : std::uint8_t { kReplay, kClosedLoop, kRotor };
   Plant plant = Plant::kReplay;
   bool has_feed_forward = false;
@@ -44,6 +46,10 @@ std::shared_ptr<const command_model::RotorPlant> shipped_rotor();
 /// a wind, with the planner's model or a rotor whose power is reckoned. A real-time VEHICLE_TARGET
 /// takes over with its own command. A lockstep VEHICLE_TARGET is answered by one step from the
 /// state that it brings, however often it is asked.
+///
+/// A trajectory that begins on the path still ahead takes over where it begins; any other one at
+/// once. So a flight whose map has changed is planned again from a place ahead, see
+/// FlightReplanner, and flown on without a stop.
 ///
 /// Which vehicle it is says the config of the request, which comes with the route.
 class CommandModelService {
@@ -65,6 +71,9 @@ class CommandModelService {
   /// The vehicle of a request; nullptr while its route has not arrived.
   [[nodiscard]] Model model_of(const Hash128& request_id);
   void take_off_if_ready(Time now);
+  void begin(std::unique_ptr<Flight> flight, Time start);
+  void join_if_there();
+  [[nodiscard]] std::optional<FlightUnderWay> newest_flight() const;
   void answer_lockstep();
   void take_over_if_targeted(Time now);
   void fly(Time now);
@@ -84,6 +93,9 @@ class CommandModelService {
   std::deque<messages::VehicleTarget> lockstep_targets_;
   std::optional<messages::VehicleTarget> target_;
   std::unique_ptr<Flight> flight_;
+  std::unique_ptr<Flight> next_flight_;  // takes over where it begins on the path of flight_
+  std::size_t next_flight_step_ = 0;     // of flight_
+  FlightReplanner replanner_;
 };
 
 }  // namespace hedgehop::services

@@ -37,8 +37,8 @@ GlobalPlannerService::GlobalPlannerService(const PlannerOptions& options, bus::B
 std::variant<Answer, flight::NoPlan> GlobalPlannerService::plan(
     const messages::PlanRequestMessage& message, Time asked, const map::Map& map,
     const Bytes& config_blob, Observer& observer) {
-  const planning::PlanningConfig config = planning::read_planning_config(
-      messages::decode_planning_config(config_blob), "config of the request");
+  const planning::PlanningConfig& config =
+      config_.read(messages::decode_planning_config(config_blob), "config of the request");
   if (flight::plan_request_id(message.request, map.hash, config.text) != message.request_id) {
     throw DataError("the request's id is not that of its map, request and config",
                     "sender and planner differ in version");

@@ -6,6 +6,7 @@
 
 #include "messages/plan_messages.hpp"
 #include "planning/planning.hpp"
+#include "services/shared/config_memory.hpp"
 #include "services/shared/planner_desk.hpp"
 
 namespace hedgehop::services {
@@ -20,9 +21,14 @@ using RoutePlanner = std::function<std::variant<flight::RoutePlan, flight::NoPla
 /// with the request. `name` stands in the header of each route.
 class GlobalPlannerService {
  public:
+  using Options = PlannerOptions;
+  static Options read_options(ConfigReader reader) {
+    return read_planner_options(std::move(reader));
+  }
+
   GlobalPlannerService(const PlannerOptions& options, bus::Bus& bus, bus::BlobExchange& exchange,
                        bus::ServiceLoop& loop, RoutePlanner planner = planning::plan_route,
-                       std::string name = "hedgehop global_planner");
+                       std::string name = bus::provenance_of("global_planner"));
 
   void tick(Time now) { desk_.tick(now); }
   [[nodiscard]] std::string unanswered() const { return desk_.unanswered(); }
@@ -37,6 +43,7 @@ class GlobalPlannerService {
   RoutePlanner planner_;
   std::string name_;
   PlannerDesk desk_;
+  ConfigMemory config_;
 };
 
 }  // namespace hedgehop::services

@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
     }
     const services::ThreadLimit threads(*arguments);
     bus::Bus bus(arguments->bus);
-    bus::BlobExchange exchange({}, bus);
+    bus::BlobExchange exchange({.send_rate_bytesps = options.send_rate_bytesps}, bus);
     bus::ServiceLoop loop(bus, exchange, "global_planner", config.hash());
     services::GlobalPlannerService service(options, bus, exchange, loop);
     loop.run(options.tick_period_s, [&](Time now) { service.tick(now); });

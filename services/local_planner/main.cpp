@@ -15,14 +15,14 @@ int main(int argc, char** argv) {
       return 0;
     }
     const auto config = services::load_config(arguments->config_file, "local_planner.yaml");
-    const auto options = services::read_planner_options(config.reader());
+    const auto options = services::LocalPlannerService::read_options(config.reader());
     if (arguments->is_check) {
       std::puts("ok");
       return 0;
     }
     const services::ThreadLimit threads(*arguments);
     bus::Bus bus(arguments->bus);
-    bus::BlobExchange exchange({}, bus);
+    bus::BlobExchange exchange({.send_rate_bytesps = options.send_rate_bytesps}, bus);
     bus::ServiceLoop loop(bus, exchange, "local_planner", config.hash());
     services::LocalPlannerService service(options, bus, exchange, loop,
                                           !arguments->value("--lockstep").empty());

@@ -33,7 +33,10 @@ PlannerOptions read_planner_options(ConfigReader reader) {
   options.status_period_s = reader.required_double("status_period_s");
   options.patience_s = reader.required_double("patience_s");
   options.kept_answers = static_cast<int>(reader.required_integer("kept_answers"));
+  options.send_rate_bytesps = reader.required_double("send_rate_bytesps");
   reader.finish();
+  reader.require(options.send_rate_bytesps >= 1e4 && options.send_rate_bytesps <= 1e9,
+                 "send_rate_bytesps", "must lie between 1e4 and 1e9");
   reader.require(options.tick_period_s >= 0.001 && options.tick_period_s <= 1.0, "tick_period_s",
                  "must lie between 0.001 and 1");
   reader.require(options.status_period_s >= 0.01 && options.status_period_s <= 2.0,
@@ -170,7 +173,8 @@ void PlannerDesk::receive(Question question) {
     jobs_.remove_if([&](const Job& other) { return &other == job; });
   }
   if (std::count_if(jobs_.begin(), jobs_.end(),
-                    [](const Job& other) { return !other.is_over(); }) >= kWaitingMax) {
+                    [](const Job& other) { return !other.is_over(); }) >= kWaitingMax &&
+      !make_room()) {
     messages::PlanStatus status;
     status.request_id = question.request_id;
     status.stage = stage_;
@@ -191,6 +195,19 @@ void PlannerDesk::receive(Question question) {
     added.status.text = error.what();
     added.is_asked_again = true;
   }
+}
+
+// Questions that lack something give way, the oldest first, so that nonsense cannot fill the book.
+bool PlannerDesk::make_room() {
+  const auto idle = std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& job) {
+    return job.status.state == PlanState::kWaiting && !is_ready(job);
+  });
+  if (idle == jobs_.end()) {
+    return false;
+  }
+  forget_input(*idle);
+  jobs_.erase(idle);
+  return true;
 }
 
 void PlannerDesk::receive(const messages::PlanCancel& cancel) {
@@ -309,7 +326,10 @@ void PlannerDesk::give_up(Job& job) {
 
 void PlannerDesk::work(Job& job) {
   const std::string title = short_id(job.question.request_id);
-  loop_.set_state(messages::ServiceState::kWorking, "planning request " + title);
+  const std::int64_t patch_number = assembly_.patch_number();
+  const std::string on_patch =
+      patch_number > 0 ? " on patch " + std::to_string(patch_number) : std::string();
+  loop_.set_state(messages::ServiceState::kWorking, "planning request " + title + on_patch);
   job.status.state = PlanState::kWorking;
   job.status.text.clear();
   publish_status(job, bus_.now());
@@ -355,7 +375,7 @@ void PlannerDesk::work(Job& job) {
     forget_input(job);
   }
   publish_status(job, bus_.now());
-  loop_.set_state(messages::ServiceState::kReady, "last request " + title);
+  loop_.set_state(messages::ServiceState::kReady, "last request " + title + on_patch);
 }
 
 void PlannerDesk::report(const global_planning::RouteProgress& progress) {

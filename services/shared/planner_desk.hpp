@@ -27,6 +27,7 @@ struct PlannerOptions {
   double patience_s = 0.0;       // in message time: what is missing longer is named on stderr, and
                                  // a question about a map that is not on the bus is refused
   int kept_answers = 0;          // answers that are given again without planning again
+  double send_rate_bytesps = 0.0;  // of the process's BlobExchange
 };
 PlannerOptions read_planner_options(ConfigReader reader);
 
@@ -92,6 +93,7 @@ class PlannerDesk {
   [[nodiscard]] std::string lack_of(const Job& job) const;
   [[nodiscard]] Job* job_of(const Hash128& request_id);
   void wait(Job& job, Time now);
+  bool make_room();
   void cancel(Job& job);
   void give_up(Job& job);
   void work(Job& job);

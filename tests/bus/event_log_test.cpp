@@ -160,14 +160,21 @@ TEST_F(EventLog, FilesThatAreNoLogAreRefusedWithTheirName) {
   }
 }
 
-TEST_F(EventLog, EventsReachTheDiskAfterTheInterval) {
+TEST_F(EventLog, EventsOutliveTheProcessAfterAQuarterOfTheInterval) {
   EventLogWriter writer(path_, false, 0.1);
   writer.write(Time{1'000'000}, "A", bytes_of("x"));
   EXPECT_EQ(fs::file_size(path_), 0U);
-  writer.flush_if_due(Time{1'050'000});
+  writer.flush_if_due(Time{1'020'000});
   EXPECT_EQ(fs::file_size(path_), 0U);
-  writer.flush_if_due(Time{1'100'000});
+  writer.flush_if_due(Time{1'025'000});
   EXPECT_EQ(fs::file_size(path_), 30U);
+  // The next ones too, before and after they are brought to disk.
+  writer.write(Time{1'090'000}, "A", bytes_of("y"));
+  writer.flush_if_due(Time{1'100'000});
+  EXPECT_EQ(fs::file_size(path_), 60U);
+  writer.write(Time{1'110'000}, "A", bytes_of("z"));
+  writer.write(Time{1'136'000}, "A", bytes_of("z"));
+  EXPECT_EQ(fs::file_size(path_), 120U);
 }
 
 TEST_F(EventLog, AnExistingFileIsNotOverwrittenUnasked) {

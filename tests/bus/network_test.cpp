@@ -177,6 +177,43 @@ TEST(Network, PacketsThatEndOtherReceiversAreCountedAndThenAllGoesOn) {
   EXPECT_GE(b.counters().bad_packets, 5);
 }
 
+TEST(Network, MessagesOfAnotherTypeOrVersionAreRefusedAndNamed) {
+  Bus b({kUrl, "", 2});
+  int heard = 0;
+  b.subscribe<MapIndex>(kMapIndexChannel, [&](const auto&, const Stamp&) { ++heard; });
+  const auto send = [](const Bytes& message) {
+    Bytes packet;
+    const auto add = [&](ByteView bytes) {
+      packet.insert(packet.end(), bytes.begin(), bytes.end());
+    };
+    using namespace std::string_view_literals;
+    add(bytes_of("LC02\0\0\0\1MAP_INDEX\0"sv));
+    add(message);
+    send_raw(packet);
+  };
+  const Stamp stamp{Time{1'700'000'000'000'000}, 1, 1};
+  const Bytes good = to_message(test::example_map_index(), stamp);
+  // As a program with another lcmtypes would send it: one field more changes the fingerprint.
+  Bytes of_another_type = good;
+  of_another_type[3] ^= std::byte{0x10};
+  send(of_another_type);
+  ASSERT_TRUE(poll_until(b, 5.0, [&] { return b.counters().rejected == 1; }));
+  EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("MAP_INDEX"));
+  EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("map_index_t"));
+  EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("fingerprint"));
+  // The version stands after fingerprint, time, sender and number.
+  Bytes of_another_version = good;
+  of_another_version[33] = std::byte{77};
+  send(of_another_version);
+  ASSERT_TRUE(poll_until(b, 5.0, [&] { return b.counters().rejected == 2; }));
+  EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("version"));
+  EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("77"));
+  EXPECT_EQ(heard, 0);
+  send(good);
+  EXPECT_TRUE(poll_until(b, 5.0, [&] { return heard == 1; }));
+  EXPECT_EQ(b.counters().rejected_by_channel["MAP_INDEX"], 2);
+}
+
 TEST(Network, AMapCrossesBitForBit) {
   std::mt19937 random(std::random_device{}());
   map::Map map = test::make_map(400, 300, 30.0, [&](double x, double y) {

@@ -39,6 +39,7 @@
 #include "preparation/prepare.hpp"
 #include "services/command_model/command_model_service.hpp"
 #include "services/flight_logger/flight_logger_service.hpp"
+#include "services/local_planner/local_planner_service.hpp"
 #include "services/map_tiler/map_tiler_service.hpp"
 #include "services/shared/planner_desk.hpp"
 
@@ -165,7 +166,7 @@ const Guarded* guarded(const std::string& file) {
       {"fetch.yaml", {read_fetch_file, {}}},
       {"map_tiler.yaml", {read_whole(services::read_map_tiler_options), {}}},
       {"global_planner.yaml", {read_whole(services::read_planner_options), {}}},
-      {"local_planner.yaml", {read_whole(services::read_planner_options), {}}},
+      {"local_planner.yaml", {read_whole(services::LocalPlannerService::read_options), {}}},
       {"command_model.yaml", {read_whole(services::read_command_model_options), {}}},
       {"rotor_plant.yaml", {read_rotor_file, {}}},
       {"flight_logger.yaml", {read_whole(services::read_flight_logger_options), {}}},

@@ -66,6 +66,22 @@ TEST_F(Direction, FeasibleGoalDirectionIsTakenExactly) {
   EXPECT_EQ(direction, 0.123);
 }
 
+TEST_F(Direction, CostsThatAreShownAreSquaredAnglesToTheGoalWhereRiskIsEqual) {
+  PolarHistogram histogram = open_country(3.0F);
+  histogram.tan_masked[9] = 0.5F;
+  const auto costs = direction_costs(histogram, sectors_, plain_weights(), towards(0.3, 2.0));
+  ASSERT_EQ(costs.size(), static_cast<std::size_t>(kCount));
+  for (int k = 0; k < kCount; ++k) {
+    const double off_rad = std::remainder(k * 2.0 * kPi / kCount - 0.3, 2.0 * kPi);
+    const float cost = costs[static_cast<std::size_t>(k)];
+    if (k == 9) {
+      EXPECT_TRUE(std::isnan(cost));
+    } else {
+      EXPECT_NEAR(cost, off_rad * off_rad, 1e-4) << k;
+    }
+  }
+}
+
 TEST_F(Direction, EqualRiskEverywhereChangesNothing) {
   for (const float risk : {0.1F, 1.0F, 100.0F}) {
     for (const double goal_rad : {-2.5, 0.05, 1.4}) {

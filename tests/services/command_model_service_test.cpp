@@ -165,8 +165,9 @@ TEST(FlightLoggerService, ALoggerThatComesLateStillLeavesALogWithEveryChunk) {
       routes.push_back(messages::from_message<messages::RouteHeader>(message.bytes, stamp));
     }
   });
-  services::GlobalPlannerService service(test::frequent_planner_options("global_planner"),
-                                         replay.bus, replay.exchange, replay.loop);
+  services::GlobalPlannerService service(
+      test::frequent_planner_options<services::GlobalPlannerService>("global_planner"), replay.bus,
+      replay.exchange, replay.loop);
   replay.tick = [&](Time now) { service.tick(now); };
   while (!replay.bus.is_finished()) {
     replay.turn();

@@ -41,9 +41,10 @@ inline std::string memory_url() {
 }
 
 /// The shipped options, but with a status at every chance: tests are over before a quarter second.
-inline services::PlannerOptions frequent_planner_options(const std::string& name) {
-  services::PlannerOptions options =
-      services::read_planner_options(services::load_config("", name + ".yaml").reader());
+template <typename Service>
+typename Service::Options frequent_planner_options(const std::string& name) {
+  typename Service::Options options =
+      Service::read_options(services::load_config("", name + ".yaml").reader());
   options.status_period_s = 0.02;
   return options;
 }
@@ -207,7 +208,7 @@ class InProcessChain {
   template <typename Service>
   Service& add_planner(const std::string& name) {
     Station& station = add(name);
-    auto service = std::make_shared<Service>(frequent_planner_options(name), station.bus,
+    auto service = std::make_shared<Service>(frequent_planner_options<Service>(name), station.bus,
                                              station.exchange, station.loop);
     station.tick = [service](Time now) { service->tick(now); };
     return *service;

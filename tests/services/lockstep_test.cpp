@@ -22,8 +22,8 @@ class LockstepTest : public ::testing::Test {
  protected:
   LockstepTest()
       : station_(chain_.url(), "local_planner"),
-        service_(test::frequent_planner_options("local_planner"), station_.bus, station_.exchange,
-                 station_.loop, true) {
+        service_(test::frequent_planner_options<services::LocalPlannerService>("local_planner"),
+                 station_.bus, station_.exchange, station_.loop, true) {
     station_.tick = [this](Time now) { service_.tick(now); };
     chain_.add_map_tiler(map_);
     chain_.add_global_planner();

@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <limits>
 #include <thread>
 
 #include "base/errors.hpp"
@@ -272,6 +273,103 @@ TEST_F(MapPatchService, ARouteOfAnotherPatchIsRefusedAndBothAreNamed) {
     return chain_.newest_status(messages::PlanStage::kLocal)->state == PlanState::kRefused;
   }));
   EXPECT_TRUE(chain_.trajectories.empty());
+}
+
+TEST_F(MapPatchService, AFlightUnderWayIsPlannedAgainFromAheadAndFlownOnWithoutAJump) {
+  chain_.add_map_tiler(hills());
+  chain_.add_global_planner();
+  chain_.add_local_planner();
+  services::CommandModelOptions options = test::InProcessChain::shipped_command_model();
+  options.replan_lead_s = 2.0;
+  chain_.add_command_model(options);
+  std::string said;
+  chain_.listener().bus.subscribe<messages::ServiceStatus>(
+      messages::kServiceStatusChannel,
+      [&](const messages::ServiceStatus& status, const messages::Stamp&) {
+        said = status.name == "command_model" ? status.text : said;
+      });
+  const auto config =
+      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
+  const Hash128 first =
+      chain_.ask(test::across_the_hills(hills()), hills().hash, config.text).request_id;
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.vehicle_states.size() >= 5; }));
+  ASSERT_EQ(chain_.vehicle_states.back().request_id, first);
+
+  publish(unnumbered(wall(60)));
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.vehicle_states.back().request_id != first; }));
+  const std::size_t joined = chain_.vehicle_states.size() - 1;
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.vehicle_states.size() >= joined + 25; }));
+
+  // One vehicle: 40 m/s are 2 m in 50 ms, before, after and where the plans meet.
+  for (std::size_t i = 1; i < chain_.vehicle_states.size(); ++i) {
+    const auto& before = chain_.vehicle_states[i - 1].state;
+    const auto& after = chain_.vehicle_states[i].state;
+    const double moved_m = std::hypot(after.x_m - before.x_m, after.y_m - before.y_m);
+    if (i == joined) {
+      EXPECT_EQ(moved_m, 0.0);  // the state at which it is taken over is told under both requests
+    } else {
+      EXPECT_NEAR(moved_m, 2.0, 0.7) << i;
+      EXPECT_LT(std::fabs(after.altitude_m - before.altitude_m), 1.0) << i;
+    }
+  }
+  const messages::TrajectoryHeader& header = chain_.trajectories.back();
+  EXPECT_EQ(header.request_id, chain_.vehicle_states.back().request_id);
+  EXPECT_EQ(header.patch_number, 1);
+  EXPECT_EQ(header.map_hash, patched({wall(60)}).hash);
+  ASSERT_TRUE(chain_.turn_until([&] { return said.find("on patch 1") != std::string::npos; }));
+
+  // The rest of the flight: from the path on to the same goal, and around the area.
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.plan().has_value(); }));
+  const flight::Plan plan = *chain_.plan();
+  const auto& place = chain_.vehicle_states[joined].state;
+  EXPECT_NEAR(plan.trajectory.states.front().x_m, place.x_m, 0.5);
+  EXPECT_NEAR(plan.trajectory.states.front().y_m, place.y_m, 0.5);
+  const flight::RequestPoint goal = test::across_the_hills(hills()).goal;
+  EXPECT_EQ(plan.route_plan.request.goal.position.latitude_rad, goal.position.latitude_rad);
+  EXPECT_EQ(plan.route_plan.request.goal.position.longitude_rad, goal.position.longitude_rad);
+  for (const flight::FlightState& state : plan.trajectory.states) {
+    EXPECT_FALSE(state.x_m > test::kUtmWest_m + 3500.0 && state.x_m < test::kUtmWest_m + 3900.0 &&
+                 state.y_m > test::kUtmSouth_m + 1400.0 && state.y_m < test::kUtmSouth_m + 3200.0);
+  }
+}
+
+TEST(RestOfFlight, ViaPointsThatHaveBeenPassedAreLeftOutAndTheRestIsAsItWasAskedFor) {
+  const geo::MapProjection projection(hills().crs_wkt);
+  flight::RoutePlan route;
+  route.map.crs_wkt = hills().crs_wkt;
+  route.request = test::across_the_hills(hills());
+  route.request.speed_mps = 33.0;
+  for (const double x_m : {1500.0, 2500.0, 3500.0}) {
+    flight::RequestPoint via;
+    via.position = projection.to_geodetic({test::kUtmWest_m + x_m, test::kUtmSouth_m + 2600.0});
+    route.request.via.push_back(via);
+  }
+  flight::Trajectory trajectory;
+  trajectory.step_s = 0.05;
+  for (int i = 0; i < 100; ++i) {  // eastwards past them, 30 m a state
+    flight::FlightState state;
+    state.x_m = test::kUtmWest_m + 1000.0 + 30.0 * i;
+    state.y_m = test::kUtmSouth_m + 2600.0;
+    state.altitude_m = 480.0;
+    state.surface_m = 410.0;
+    state.heading_true_rad = 1.5;
+    trajectory.states.push_back(state);
+  }
+  // State 60 lies at 2800 m.
+  const auto rest = services::rest_of_flight({&route, &trajectory, 10, {}}, 60);
+  ASSERT_TRUE(rest.has_value());
+  ASSERT_EQ(rest->via.size(), 1U);
+  EXPECT_EQ(rest->via[0].position.longitude_rad, route.request.via[2].position.longitude_rad);
+  EXPECT_EQ(rest->goal.position.longitude_rad, route.request.goal.position.longitude_rad);
+  EXPECT_EQ(rest->speed_mps, 33.0);
+  EXPECT_EQ(rest->start_heading_true_rad, 1.5);
+  EXPECT_DOUBLE_EQ(rest->start.height_m.value(), 70.0);
+  const geo::MapPoint start = projection.to_map(rest->start.position);
+  EXPECT_NEAR(start.x_m, test::kUtmWest_m + 2800.0, 1e-3);
+  EXPECT_NEAR(start.y_m, test::kUtmSouth_m + 2600.0, 1e-3);
+
+  trajectory.states[60].surface_m = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(services::rest_of_flight({&route, &trajectory, 10, {}}, 60).has_value());
 }
 
 }  // namespace

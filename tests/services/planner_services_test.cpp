@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <cmath>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <thread>
@@ -178,6 +180,109 @@ TEST(PlannerServices, ARequestForAnotherMapIsRefusedAfterALimitInMessageTime) {
   chain.listener().bus.publish(messages::kPlanCancelChannel, messages::PlanCancel{other},
                                chain.listener().bus.now() + 60.0);
   EXPECT_TRUE(chain.turn_until([&] { return chain.is_global(PlanState::kRefused); }, 3.0));
+}
+
+TEST(PlannerServices, ARouteOfAnotherVersionIsRefusedAndBothVersionsAreNamed) {
+  test::InProcessChain chain;
+  chain.add_map_tiler(hills());
+  chain.add_local_planner();
+  const flight::RoutePlan& route = plan_in_one_process().route_plan;
+  messages::RouteHeader header;
+  header.request_id = route.request_id;
+  header.map_hash = hills().hash;
+  header.plan = chain.listener().exchange.offer(messages::encode_route_plan(route), true);
+  header.provenance = "hedgehop global_planner 0.0.9";
+  const auto publish = [&] {
+    chain.listener().bus.publish(messages::kRouteChannel, header, chain.listener().bus.now());
+  };
+  publish();
+  const auto is = [&](PlanState state) {
+    const auto status = chain.newest_status(PlanStage::kLocal);
+    return status && status->state == state;
+  };
+  ASSERT_TRUE(chain.turn_until([&] { return is(PlanState::kRefused); }));
+  const std::string own = bus::provenance_of("global_planner");
+  const std::string text = chain.newest_status(PlanStage::kLocal)->text;
+  EXPECT_THAT(text, HasSubstr(header.provenance));
+  EXPECT_THAT(text, HasSubstr("this is version " + own.substr(own.rfind(' ') + 1)));
+  EXPECT_TRUE(chain.trajectories.empty());
+
+  // The same route of this version, or of a planner that is none of ours, is flown.
+  header.provenance = own;
+  publish();
+  ASSERT_TRUE(chain.turn_until([&] { return is(PlanState::kDone); }));
+  EXPECT_EQ(bus::reason_against_provenance("somebody's planner 0.0.9"), "");
+}
+
+TEST(PlannerServices, ALocalPlannerThatIsAskedToShowsItsHistogramsAndPlansTheSame) {
+  test::InProcessChain chain;
+  chain.add_map_tiler(hills());
+  chain.add_global_planner();
+  auto options = test::frequent_planner_options<services::LocalPlannerService>("local_planner");
+  EXPECT_EQ(options.histogram_rate_hz, 0.0);  // as shipped: silent
+  options.histogram_rate_hz = 20.0;
+  test::Station station(chain.url(), "local_planner");
+  services::LocalPlannerService service(options, station.bus, station.exchange, station.loop);
+  station.tick = [&](Time now) { service.tick(now); };
+  std::vector<messages::LocalHistogram> shown;
+  chain.listener().bus.subscribe<messages::LocalHistogram>(
+      messages::kLocalHistogramChannel,
+      [&](const messages::LocalHistogram& histogram, const messages::Stamp&) {
+        shown.push_back(histogram);
+      });
+  const Hash128 id =
+      chain.ask(test::across_the_hills(hills()), hills().hash, shipped_planning().text).request_id;
+  ASSERT_TRUE(chain.turn_until([&] {
+    station.turn();
+    return chain.plan().has_value();
+  }));
+  EXPECT_EQ(output::trajectory_csv(*chain.plan()), output::trajectory_csv(plan_in_one_process()));
+  ASSERT_FALSE(shown.empty());
+  std::int64_t newest = -1;
+  for (const messages::LocalHistogram& histogram : shown) {
+    EXPECT_EQ(histogram.request_id, id);
+    EXPECT_GT(histogram.step_number, newest);
+    newest = histogram.step_number;
+    ASSERT_EQ(histogram.sectors.size(), static_cast<std::size_t>(shipped_planning().local.sectors));
+    EXPECT_TRUE(hills().geometry.contains(geo::MapPoint{histogram.x_m, histogram.y_m}));
+    int known = 0;
+    for (const messages::LocalHistogram::Sector& sector : histogram.sectors) {
+      const bool is_masked =
+          sector.mask == messages::SectorMask::kClimb || sector.mask == messages::SectorMask::kTurn;
+      EXPECT_EQ(std::isnan(sector.cost), is_masked);
+      known += std::isnan(sector.climb_angle_rad) ? 0 : 1;
+    }
+    EXPECT_GT(known, 0);
+    // Gentle hills: some direction is always feasible, and what is chosen is.
+    ASSERT_TRUE(histogram.chosen_sector.has_value());
+    EXPECT_FALSE(
+        std::isnan(histogram.sectors.at(static_cast<std::size_t>(*histogram.chosen_sector)).cost));
+  }
+}
+
+TEST(PlannerServices, QuestionsThatLackSomethingGiveWayWhenTheBookIsFull) {
+  test::InProcessChain chain;
+  chain.add_map_tiler(hills());
+  chain.add_global_planner();
+  const auto good =
+      chain.ask(test::across_the_hills(hills()), hills().hash, shipped_planning().text);
+  ASSERT_TRUE(chain.turn_until([&] { return chain.is_global(PlanState::kDone); }));
+  // More than the book holds, about maps that nobody has.
+  messages::PlanRequestMessage nonsense = good;
+  for (std::uint64_t i = 1; i <= 300; ++i) {
+    nonsense.request_id = {i, 1};
+    nonsense.map_hash = {i, 2};
+    chain.listener().bus.publish(messages::kPlanRequestChannel, nonsense,
+                                 chain.listener().bus.now());
+  }
+  chain.turn();
+  flight::PlanRequest request = test::across_the_hills(hills());
+  request.speed_mps = 39.0;
+  const Hash128 id = chain.ask(request, hills().hash, shipped_planning().text).request_id;
+  EXPECT_TRUE(chain.turn_until([&] {
+    return std::any_of(chain.routes.begin(), chain.routes.end(),
+                       [&](const auto& route) { return route.request_id == id; });
+  }));
 }
 
 TEST(PlannerServices, WithoutAMapTilerTheStatusSaysWhatIsMissing) {
