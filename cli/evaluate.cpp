@@ -22,6 +22,7 @@
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "evaluation/replanning_evaluation.hpp"
 #include "evaluation/verifier_evaluation.hpp"
 #include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
@@ -65,6 +66,8 @@ EvaluationConfig evaluation_config() {
   read_framework_evaluation_config(reader);
   ConfigReader optimality = reader.required_section("optimality");
   config.optimality = evaluation::read_optimality_config(optimality);
+  ConfigReader replanning = reader.required_section("replanning");
+  evaluation::read_replanning_options(replanning);
   ConfigReader verifier = reader.required_section("verifier");
   config.verifier = evaluation::read_verifier_options(verifier);
   ConfigReader bus = reader.required_section("bus");
