@@ -36,8 +36,8 @@ struct WarmRoute {
 /// holds a route, the lattice is searched with the repaired field ahead, and that route is moved;
 /// where that too finds nothing, plan_leg() plans anew.
 ///
-/// Deterministic; the same for any number of threads. For 20 km a sixth of the time of plan_leg(),
-/// the lattice and what follows it taking most of that.
+/// Deterministic; the same for any number of threads. For 20 km of gentle ground a sixth of the
+/// time of plan_leg(), most of which goes into moving the route of a lattice.
 class WarmPlanner {
  public:
   /// `route` leads from the start to the goal of `problem` and is what plan_leg() or the like found
