@@ -18,12 +18,8 @@
 #include "evaluate_replanning.hpp"
 #include "evaluate_speed.hpp"
 #include "evaluate_verifier.hpp"
-#include "evaluation/flight_evaluation.hpp"
-#include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
-#include "evaluation/replanning_evaluation.hpp"
-#include "evaluation/verifier_evaluation.hpp"
 #include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
 #include "preparation/prepare.hpp"
@@ -48,36 +44,6 @@ struct ProtectionArguments {
   preparation::Simd simd = preparation::Simd::kBest;
 };
 
-struct EvaluationConfig {
-  evaluation::RandomOptions random;
-  evaluation::ProtectionOptions protection;
-  evaluation::OptimalityConfig optimality;
-  evaluation::VerifierOptions verifier;
-};
-
-EvaluationConfig evaluation_config() {
-  ConfigReader reader = shipped_evaluation();
-  EvaluationConfig config;
-  ConfigReader random = reader.required_section("random");
-  config.random = evaluation::read_random_options(random);
-  ConfigReader protection = reader.required_section("protection");
-  config.protection = evaluation::read_protection_options(protection);
-  read_local_evaluation_config(reader);
-  read_framework_evaluation_config(reader);
-  ConfigReader optimality = reader.required_section("optimality");
-  config.optimality = evaluation::read_optimality_config(optimality);
-  ConfigReader replanning = reader.required_section("replanning");
-  evaluation::read_replanning_options(replanning);
-  ConfigReader verifier = reader.required_section("verifier");
-  config.verifier = evaluation::read_verifier_options(verifier);
-  ConfigReader bus = reader.required_section("bus");
-  evaluation::read_bus_options(bus);
-  ConfigReader flight = reader.required_section("flight");
-  evaluation::read_flight_options(flight);
-  reader.finish();
-  return config;
-}
-
 double peak_bytes() {
   rusage usage{};
   ::getrusage(RUSAGE_SELF, &usage);
@@ -85,7 +51,9 @@ double peak_bytes() {
 }
 
 ExitCode run_random(const Console& console, const RandomArguments& arguments) {
-  evaluation::RandomOptions options = evaluation_config().random;
+  ConfigReader reader = shipped_evaluation();
+  ConfigReader section = reader.required_section("random");
+  evaluation::RandomOptions options = evaluation::read_random_options(section);
   if (arguments.problems > 0) {
     options.problems = arguments.problems;
   }
@@ -127,7 +95,9 @@ ExitCode run_random(const Console& console, const RandomArguments& arguments) {
 }
 
 ExitCode run_protection(const Console& console, const ProtectionArguments& arguments) {
-  evaluation::ProtectionOptions options = evaluation_config().protection;
+  ConfigReader evaluations = shipped_evaluation();
+  ConfigReader section = evaluations.required_section("protection");
+  evaluation::ProtectionOptions options = evaluation::read_protection_options(section);
   if (arguments.cells > 0) {
     options.error_cells = arguments.cells;
     options.gdal_cells = std::min(options.gdal_cells, arguments.cells);
@@ -147,7 +117,7 @@ ExitCode run_protection(const Console& console, const ProtectionArguments& argum
                                       {process_cpu_s, peak_bytes}, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::protection_result_json(result).c_str());
-    return ExitCode::kOk;
+    return evaluation_code(console, result.is_stopped);
   }
   std::printf("processor time   %.2f s per million cells (%s, %d threads), %.2f s with one\n",
               result.cpu_s_per_million_cells, result.simd.c_str(), result.threads,
@@ -164,11 +134,13 @@ ExitCode run_protection(const Console& console, const ProtectionArguments& argum
               result.gdal_cpu_s_per_million_cells, result.gdal_mean_abs_error,
               static_cast<long long>(result.gdal_cells));
   std::printf("changed patch    %.3f s, %s a full run\n", result.update_cpu_s,
-              result.is_update_exact ? "same bytes as" : "NOT the bytes of");
+              !result.is_update_exact.has_value() ? "not compared with"
+              : *result.is_update_exact           ? "same bytes as"
+                                                  : "NOT the bytes of");
   std::printf("exposure volume  %zu heights, %.2f s per million cells, %.2f times one height\n",
               result.exposure_heights_m.size() + 1, result.exposure_cpu_s_per_million_cells,
               result.exposure_ratio);
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 void add_protection_verb(CLI::App& verb, Console& console) {

@@ -96,7 +96,7 @@ ExitCode run_table3(const Console& console, const FrameworkArguments& arguments)
   } else {
     print(result);
   }
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 double change_percent(const std::optional<evaluation::PairedChange>& change) {
@@ -129,7 +129,7 @@ ExitCode run_sensitivity(const Console& console, const FrameworkArguments& argum
       map, config, options, rules, seed, arguments.folder, planned_route, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::sensitivity_result_json(result, this_machine()).c_str());
-    return ExitCode::kOk;
+    return evaluation_code(console, result.is_stopped);
   }
   std::printf("%-36s %8s %8s %8s %8s %8s %8s %8s %8s\n", "parameter", "value", "reached", "unsafe",
               "length", "seen", "semantic", "height", "bank");
@@ -140,7 +140,7 @@ ExitCode run_sensitivity(const Console& console, const FrameworkArguments& argum
                 change_percent(row.visibility), change_percent(row.semantics),
                 change_percent(row.height), change_percent(row.bank), row.is_base ? "  *" : "");
   }
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 std::shared_ptr<FrameworkArguments> add_arguments(CLI::App& verb, Console& console,
@@ -157,8 +157,6 @@ std::shared_ptr<FrameworkArguments> add_arguments(CLI::App& verb, Console& conso
 }
 
 }  // namespace
-
-void read_framework_evaluation_config(ConfigReader& reader) { config_from(reader); }
 
 void add_framework_evaluation_verbs(CLI::App& evaluate, Console& console) {
   auto* table3 = evaluate.add_subcommand(

@@ -139,8 +139,6 @@ std::shared_ptr<LocalArguments> add_arguments(CLI::App& verb, Console& console,
 
 }  // namespace
 
-void read_local_evaluation_config(ConfigReader& reader) { config_from(reader); }
-
 void add_local_evaluation_verbs(CLI::App& evaluate, Console& console) {
   auto* table2 =
       evaluate.add_subcommand("table2", "Compare local planning with its optimisation and without");

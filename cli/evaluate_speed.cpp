@@ -37,7 +37,7 @@ ExitCode run_local_speed(const Console& console, const SpeedArguments& arguments
       map ? &*map : nullptr, config, arguments.options, thread_cpu_s, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::local_speed_json(result).c_str());
-    return ExitCode::kOk;
+    return evaluation_code(console, result.is_stopped);
   }
   std::printf("processor time of one thread [ms] for 1 km at 40 m/s, a decision every 50 ms (%s)\n",
               result.kernel.c_str());
@@ -52,7 +52,7 @@ ExitCode run_local_speed(const Console& console, const SpeedArguments& arguments
     }
     std::printf("  %s\n", row.is_same_bytes ? "same" : "DIFFER");
   }
-  return ExitCode::kOk;
+  return evaluation_code(console, result.is_stopped);
 }
 
 }  // namespace

@@ -8,8 +8,9 @@
 #include "map/map_bundle.hpp"
 #include "output/exports.hpp"
 #include "output/plan_bundle.hpp"
-#include "output/utc_time.hpp"
 #include "planning/planning.hpp"
+#include "planning/request_areas.hpp"
+#include "request_arguments.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -127,22 +128,16 @@ ExitCode run(const Console& console, const ExportArguments& arguments) {
   }
   output::ExportRequest request;
   if (!arguments.start_time.empty()) {
-    request.start_time = output::parse_utc(arguments.start_time);
-    if (!request.start_time) {
-      throw UsageError(
-          "--start-time '" + arguments.start_time + "' is no ISO 8601 time with a zone",
-          "write for example 2026-05-01T06:30:00Z or 2026-05-01T08:30+02:00");
-    }
+    request.start_time = parse_time(arguments.start_time, "--start-time");
   }
   const output::ExportOptions options = options_of(arguments);
   const flight::Plan plan = output::read_plan_bundle(arguments.plan);
+  if (!request.start_time && plan.timetable) {
+    request.start_time = plan.timetable->entries.front().expected;
+  }
   map::Map map;
   if (!arguments.map.empty()) {
-    map = map::read_map_bundle(arguments.map);
-    if (plan.route_plan.map.hash != map.hash) {
-      throw UsageError("plan " + arguments.plan + " was not made on map " + arguments.map,
-                       "give the map that the plan was made on");
-    }
+    map = planning::read_map_of_plan(arguments.map, plan, arguments.plan);
     request.map = &map;
     request.map_folder = arguments.map;
   }
@@ -159,7 +154,7 @@ ExitCode run(const Console& console, const ExportArguments& arguments) {
   }
   request.clearance_m = arguments.clearance_m;
   if (has_legs && request.clearance_m <= 0.0) {
-    request.clearance_m = planning::read_planning_config(plan.route_plan.config_text,
+    request.clearance_m = planning::read_recorded_config(plan.route_plan.config_text,
                                                          arguments.plan + "/plan.json: config")
                               .demands.required_clearance_m;
   }
@@ -237,7 +232,8 @@ void add_export_verb(CLI::App& app, Console& console) {
       ->required();
   verb->add_option("--map", arguments->map, "The map bundle that it was planned on");
   verb->add_option("--start-time", arguments->start_time,
-                   "When the flight begins, ISO 8601 with zone; without it no times of day");
+                   "When the flight begins, ISO 8601 with zone (default: the plan's departure, if "
+                   "it has one)");
   verb->add_option("--clearance-m", arguments->clearance_m,
                    "What straight legs must clear (default: as the plan was verified)")
       ->check(CLI::PositiveNumber);

@@ -16,6 +16,7 @@
 #include "plan_result.hpp"
 #include "planning/alternatives.hpp"
 #include "planning/planning.hpp"
+#include "planning/request_areas.hpp"
 #include "request_arguments.hpp"
 #include "uncertainty_arguments.hpp"
 #include "verbs.hpp"
@@ -70,6 +71,7 @@ struct Made {
   std::variant<flight::Plan, flight::NoPlan> answer;
   bool is_risk_met = true;
   bool is_stopped = false;  // before the search for a route was done
+  bool is_on_time = true;
 };
 
 Made make_plan(const map::Map& map, const flight::PlanRequest& request,
@@ -167,6 +169,37 @@ void write_choices(const flight::Plan& plan, const Choices& choices,
   }
 }
 
+// The same, at the speed that times of day ask for.
+Made make_plan_on_time(const map::Map& map, const flight::PlanRequest& request,
+                       const planning::PlanningConfig& config, const planning::TimeDemand& demand,
+                       const PlanArguments& arguments, const Console& console, StageTimer& timer,
+                       Observer& observer) {
+  Made last;
+  const auto plan =
+      [&](std::optional<double> speed_mps) -> std::variant<flight::Plan, flight::NoPlan> {
+    if (observer.stop_requested()) {
+      return flight::NoPlan{flight::NoPlanCause::kStopped, std::nullopt, "stopped"};
+    }
+    flight::PlanRequest timed = request;
+    timed.speed_mps = speed_mps ? speed_mps : request.speed_mps;
+    last = make_plan(map, timed, config, arguments, console, timer, observer);
+    return std::move(last.answer);
+  };
+  auto found = planning::plan_on_time(demand, config, plan);
+  Made made{flight::NoPlan{}, last.is_risk_met, last.is_stopped};
+  if (auto* no_plan = std::get_if<flight::NoPlan>(&found)) {
+    made.answer = std::move(*no_plan);
+    return made;
+  }
+  auto& timed = std::get<planning::TimedPlan>(found);
+  made.is_on_time = timed.is_met;
+  if (!timed.is_met) {
+    timed.plan.warnings.push_back(timed.shortfall);
+  }
+  made.answer = std::move(timed.plan);
+  return made;
+}
+
 ExitCode run(const Console& console, const PlanArguments& arguments) {
   const bool has_alternatives = arguments.has_alternatives || arguments.are_alternatives_flown;
   if (has_alternatives && arguments.violation_probability > 0.0) {
@@ -191,15 +224,19 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
   ConfigReader alternatives =
       effective_config("alternatives.yaml", arguments.alternatives_file, {});
   const planning::AlternativeOptions options = planning::read_alternative_options(alternatives);
+  const auto demand = arguments.request.time_demand(mission);
   StagedFolder folder(arguments.out, output::kPlanFile, arguments.is_overwriting);
   const auto observer = console.observer();
 
   StageTimer timer;
-  const map::Map map = map::read_map_bundle(arguments.map);
+  map::Map map = map::read_map_bundle(arguments.map);
   observer->check_stop();
-  const flight::PlanRequest request = arguments.request.plan_request(mission, &map);
+  const flight::PlanRequest request = arguments.request.plan_request(mission, &map, *observer);
+  map = planning::map_with_areas(std::move(map), request.areas);
   timer.lap("read_map");
-  const Made made = make_plan(map, request, config, arguments, console, timer, *observer);
+  const Made made = demand ? make_plan_on_time(map, request, config, *demand, arguments, console,
+                                               timer, *observer)
+                           : make_plan(map, request, config, arguments, console, timer, *observer);
   const auto last_observer = console.observer(2);
   last_observer->check_stop();
   if (const auto* no_plan = std::get_if<flight::NoPlan>(&made.answer)) {
@@ -230,7 +267,7 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
       console, plan, arguments.out, made.is_stopped, choices ? &choices->routes : nullptr,
       choices ? choices->flown(plan) : std::vector<output::FlownChoice>());
   const bool is_stopped = made.is_stopped || (choices && choices->is_stopped);
-  return made.is_risk_met && !is_stopped ? code : ExitCode::kNotVerified;
+  return made.is_risk_met && made.is_on_time && !is_stopped ? code : ExitCode::kNotVerified;
 }
 
 }  // namespace
@@ -246,6 +283,8 @@ void add_plan_verb(CLI::App& app, Console& console) {
       "Examples:\n"
       "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan --figures\n"
       "  hedgehop plan --map map --mission mission.yaml --fly-alternatives --out plan\n"
+      "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --arrival "
+      "2026-05-01T06:30Z --out plan\n"
       "  hedgehop plan --map map --mission m.yaml --dem-error-m 4 --violation-probability 0.05 "
       "--out plan");
   auto arguments = std::make_shared<PlanArguments>();

@@ -8,6 +8,7 @@
 
 #include "base/angles.hpp"
 #include "base/files.hpp"
+#include "base/utc_time.hpp"
 
 namespace hedgehop::cli {
 namespace {
@@ -116,6 +117,12 @@ ExitCode report_plan(const Console& console, const flight::Plan& plan, const std
     json["semantics_m"] = measures.semantics_m;
     json["route_cost_m"] = plan.route_plan.route.cost.total_m();
     json["lower_bound_m"] = plan.route_plan.route.lower_bound_m;
+    if (plan.timetable) {
+      const flight::Timetable& table = *plan.timetable;
+      json["departure"] = utc_text(table.entries.front().expected);
+      json["arrival"] = utc_text(table.entries.back().expected);
+      json["is_on_time"] = table.greatest_error_s() <= table.tolerance_s;
+    }
     json["warnings"] = plan.warnings;
     if (choices != nullptr) {
       json["alternatives"] =
@@ -131,6 +138,11 @@ ExitCode report_plan(const Console& console, const flight::Plan& plan, const std
     }
     std::printf("plan          %s\n", folder.c_str());
     std::printf("length        %.2f km in %.0f s\n", 1e-3 * measures.length_m, measures.duration_s);
+    if (plan.timetable) {
+      std::printf("times         %s to %s\n",
+                  utc_text(plan.timetable->entries.front().expected).c_str(),
+                  utc_text(plan.timetable->entries.back().expected).c_str());
+    }
     std::printf(
         "height        mean %.1f m above the surface, %.1f %% of the way under the ceiling\n",
         measures.mean_height_m, 100.0 * measures.share_under_ceiling);

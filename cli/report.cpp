@@ -15,8 +15,9 @@
 #include "output/plan_bundle.hpp"
 #include "output/report_page.hpp"
 #include "output/route_choices.hpp"
-#include "output/utc_time.hpp"
 #include "planning/planning.hpp"
+#include "planning/request_areas.hpp"
+#include "request_arguments.hpp"
 #include "verbs.hpp"
 #include "verification/plan_check.hpp"
 
@@ -47,11 +48,12 @@ Options options_of(const ReportRequest& request) {
   return options;
 }
 
-void require_map(const flight::Plan& plan, const std::string& folder, const map::Map& map) {
-  if (plan.route_plan.map.hash != map.hash) {
-    throw UsageError("plan " + folder + " was made on map " + plan.route_plan.map.hash.hex() +
-                         ", but this is map " + map.hash.hex(),
-                     "give the map that the plan was made on");
+void require_same_map(const flight::Plan& other, const std::string& folder,
+                      const ReportRequest& request, const map::Map& map) {
+  if (other.route_plan.map.hash != map.hash) {
+    throw UsageError("plan " + folder + " was made on another map than plan " +
+                         request.plan_folder.string() + ", or with other areas",
+                     "compare plans of one map");
   }
 }
 
@@ -106,12 +108,7 @@ ExitCode run(const Console& console, ReportArguments& arguments) {
   request.plan_folder = arguments.plan;
   request.map_folder = arguments.map;
   if (!arguments.start_time.empty()) {
-    request.start_time = output::parse_utc(arguments.start_time);
-    if (!request.start_time) {
-      throw UsageError(
-          "--start-time '" + arguments.start_time + "' is no ISO 8601 time with a zone",
-          "write for example 2026-05-01T06:30:00Z or 2026-05-01T08:30+02:00");
-    }
+    request.start_time = parse_time(arguments.start_time, "--start-time");
   }
   if (arguments.declination_deg) {
     request.declination_rad = radians_from_degrees(*arguments.declination_deg);
@@ -119,9 +116,12 @@ ExitCode run(const Console& console, ReportArguments& arguments) {
   const fs::path file =
       arguments.out.empty() ? fs::path(arguments.plan) / kReportFile : fs::path(arguments.out);
   const flight::Plan plan = output::read_plan_bundle(arguments.plan);
+  if (!request.start_time && plan.timetable) {
+    request.start_time = plan.timetable->entries.front().expected;
+  }
   require_free(file, arguments.is_overwriting);
   const auto observer = console.observer();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_of_plan(arguments.map, plan, arguments.plan);
   observer->check_stop();
   const std::string html = report_html(request, plan, map);
   observer->check_stop();
@@ -167,8 +167,7 @@ ExitCode run(const Console& console, ReportArguments& arguments) {
 std::string report_html(const ReportRequest& request, const flight::Plan& plan,
                         const map::Map& map) {
   const Options options = options_of(request);
-  require_map(plan, request.plan_folder.string(), map);
-  const planning::PlanningConfig config = planning::read_planning_config(
+  const planning::PlanningConfig config = planning::read_recorded_config(
       plan.route_plan.config_text, (request.plan_folder / output::kPlanFile).string() + ": config");
   const risk::CostModel model = planning::cost_model(map, config);
 
@@ -211,7 +210,7 @@ std::string report_html(const ReportRequest& request, const flight::Plan& plan,
       if (route.is_flown && !content.choices.empty()) {
         const fs::path folder = request.plan_folder / output::kChoicesFolder / route.name;
         others.push_back(output::read_plan_bundle(folder));
-        require_map(others.back(), folder.string(), map);
+        require_same_map(others.back(), folder.string(), request, map);
         flown = &others.back();
         content.alternatives.push_back(
             {route.name, flown,
@@ -223,7 +222,7 @@ std::string report_html(const ReportRequest& request, const flight::Plan& plan,
   }
   for (const std::string& folder : request.compare) {
     others.push_back(output::read_plan_bundle(folder));
-    require_map(others.back(), folder, map);
+    require_same_map(others.back(), folder, request, map);
     content.alternatives.push_back(
         {folder, &others.back(),
          briefing::cost_profile(model, others.back().trajectory, options.costs).total()});
@@ -249,7 +248,8 @@ void add_report_verb(CLI::App& app, Console& console) {
   verb->add_option("--map", arguments->map, "The map bundle that it was planned on")->required();
   verb->add_option("--out", arguments->out, "File to write (default: PLAN/report.html)");
   verb->add_option("--start-time", arguments->start_time,
-                   "When the flight begins, ISO 8601 with zone; without it no times of day");
+                   "When the flight begins, ISO 8601 with zone (default: the plan's departure, if "
+                   "it has one)");
   verb->add_option("--declination-deg", arguments->declination_deg,
                    "Magnetic declination, east positive; without it no magnetic headings")
       ->check(CLI::Range(-180.0, 180.0));

@@ -49,14 +49,15 @@ std::shared_ptr<const map::Map> map_from_bus(const Hash128& hash, bus::Bus& bus,
 }
 
 ExitCode run(const Console& console, const BusRequestArguments& arguments) {
-  const flight::PlanRequest request =
-      arguments.request.plan_request(arguments.request.mission(console), nullptr);
+  const map_sources::Mission mission = arguments.request.mission(console);
+  const auto demand = arguments.request.time_demand(mission);
   const planning::PlanningConfig config =
       planning::read_planning_config(planning::effective_planning_config(
                                          arguments.request.config_file, arguments.request.settings),
                                      "effective configuration");
   StagedFolder folder(arguments.out, output::kPlanFile, arguments.is_overwriting);
   const auto observer = console.observer();
+  const flight::PlanRequest request = arguments.request.plan_request(mission, nullptr, *observer);
 
   StageTimer timer;
   bus::Bus bus(arguments.bus.options());
@@ -69,8 +70,28 @@ ExitCode run(const Console& console, const BusRequestArguments& arguments) {
           assembly.receive(index, stamp.sender_id);
         });
   }
-  auto result =
-      BusPlanner(bus, exchange).plan(request, config.text, arguments.timeout_s, *observer);
+  BusPlanner planner(bus, exchange);
+  bool is_on_time = true;
+  const auto plan_at = [&](std::optional<double> speed_mps) {
+    flight::PlanRequest timed = request;
+    timed.speed_mps = speed_mps ? speed_mps : request.speed_mps;
+    return planner.plan(timed, config.text, arguments.timeout_s, *observer);
+  };
+  std::variant<flight::Plan, flight::NoPlan> result;
+  if (demand) {
+    auto timed = planning::plan_on_time(*demand, config, plan_at);
+    if (auto* found = std::get_if<planning::TimedPlan>(&timed)) {
+      is_on_time = found->is_met;
+      if (!is_on_time) {
+        found->plan.warnings.push_back(found->shortfall);
+      }
+      result = std::move(found->plan);
+    } else {
+      result = std::get<flight::NoPlan>(std::move(timed));
+    }
+  } else {
+    result = plan_at(std::nullopt);
+  }
   timer.lap("plan_over_bus");
   if (const auto* no_plan = std::get_if<flight::NoPlan>(&result)) {
     return report_no_plan(console, *no_plan);
@@ -86,7 +107,8 @@ ExitCode run(const Console& console, const BusRequestArguments& arguments) {
   observer->check_stop();
   timer.write(folder.path());
   folder.commit();
-  return report_plan(console, plan, arguments.out);
+  const ExitCode code = report_plan(console, plan, arguments.out);
+  return is_on_time ? code : ExitCode::kNotVerified;
 }
 
 }  // namespace

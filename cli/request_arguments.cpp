@@ -6,7 +6,11 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "base/utc_time.hpp"
+#include "effective_config.hpp"
 #include "geo/vertical_datum.hpp"
+#include "planning/request_areas.hpp"
+#include "preparation/areas.hpp"
 #include "raster/grid.hpp"
 
 namespace hedgehop::cli {
@@ -16,7 +20,23 @@ using Reference = map_sources::MissionPoint::Reference;
 
 map_sources::MissionPoint point_of(const std::string& text, const std::string& option) {
   const flight::RequestPoint point = parse_request_point(text, option);
-  return {point.position, point.height_m, Reference::kSurface, option};
+  return {point.position, point.height_m, Reference::kSurface, std::nullopt, option};
+}
+
+// The areas of a mission, as its map places them.
+std::vector<flight::RequestArea> areas_of(const map_sources::Mission& mission, const map::Map& map,
+                                          Observer& observer) {
+  ConfigReader config = effective_config("prepare.yaml", "", {});
+  const preparation::AreaOptions options = preparation::PrepareOptions::read(config).areas;
+  const geo::MapProjection projection(map.crs_wkt);
+  const preparation::Areas areas = preparation::read_areas(
+      mission.areas, mission.fences, projection, map.geometry, options, observer);
+  for (const auto& [kind, count] : areas.left_out) {
+    observer.note(std::to_string(count) + " area(s) of the kind '" + kind +
+                  "' are left out: neither hard nor soft by areas in prepare.yaml; give them an "
+                  "attribute hard");
+  }
+  return planning::request_areas_of(areas.areas, projection);
 }
 
 // A height as planners count them: above the surface model. Nothing where the map knows none, for
@@ -49,6 +69,15 @@ std::optional<double> height_above_surface_m(const map_sources::MissionPoint& po
 }
 
 }  // namespace
+
+Time parse_time(const std::string& text, const std::string& option) {
+  const auto time = parse_utc(text);
+  if (!time) {
+    throw UsageError(option + " '" + text + "' is no ISO 8601 time with a zone",
+                     "write for example 2026-05-01T06:30:00Z or 2026-05-01T08:30+02:00");
+  }
+  return *time;
+}
 
 flight::RequestPoint parse_request_point(const std::string& text, const std::string& option) {
   const auto refuse = [&](const std::string& why) {
@@ -117,6 +146,13 @@ void RequestArguments::add_to(CLI::App& verb) {
       ->check(CLI::Range(-360.0, 360.0));
   verb.add_option("--speed-mps", speed_mps, "Ground speed (default: speed_mps of the config)")
       ->check(CLI::PositiveNumber);
+  verb.add_option("--departure", departure,
+                  "When the flight begins, as 2026-05-01T06:30Z; with a time elsewhere too, the "
+                  "speed follows");
+  verb.add_option("--arrival", arrival, "When to be at the goal; alone, the departure follows");
+  verb.add_option("--time-tolerance-s", time_tolerance_s,
+                  "What times may be missed by (default: the mission's, else 5)")
+      ->check(CLI::Range(0.5, 3600.0));
   verb.add_option("--seed", seed, "Seed of the global planner (default 1)");
   verb.add_option("--work", work,
                   "Work budget of the global planner in legs evaluated (default: config)")
@@ -161,7 +197,7 @@ map_sources::Mission RequestArguments::mission(const Console& console) const {
 }
 
 flight::PlanRequest RequestArguments::plan_request(const map_sources::Mission& mission,
-                                                   const map::Map* map) const {
+                                                   const map::Map* map, Observer& observer) const {
   const auto request_point = [&](const map_sources::MissionPoint& point) {
     flight::RequestPoint request{point.position, point.height_m};
     if (point.height_m && point.reference != Reference::kSurface) {
@@ -176,6 +212,14 @@ flight::PlanRequest RequestArguments::plan_request(const map_sources::Mission& m
     return request;
   };
   flight::PlanRequest request;
+  if (!mission.areas.empty() || !mission.fences.empty()) {
+    if (map == nullptr) {
+      throw UsageError("the mission has areas of its own, which take the map to place",
+                       "plan with hedgehop plan, or put them on the map of the services: hedgehop "
+                       "patch add area");
+    }
+    request.areas = areas_of(mission, *map, observer);
+  }
   request.start = request_point(mission.start);
   request.goal = request_point(mission.goal);
   for (const map_sources::MissionPoint& point : mission.via) {
@@ -189,6 +233,32 @@ flight::PlanRequest RequestArguments::plan_request(const map_sources::Mission& m
   request.seed = seed;
   request.work_budget = work;
   return request;
+}
+
+std::optional<planning::TimeDemand> RequestArguments::time_demand(
+    const map_sources::Mission& mission) const {
+  planning::TimeDemand demand;
+  const auto add = [&](std::size_t place, const std::optional<Time>& time) {
+    if (time) {
+      demand.targets.push_back({place, *time});
+    }
+  };
+  // The command line stands above the file.
+  add(0, departure.empty() ? mission.start.time : parse_time(departure, "--departure"));
+  for (std::size_t i = 0; i < mission.via.size(); ++i) {
+    add(i + 1, mission.via[i].time);
+  }
+  add(mission.via.size() + 1,
+      arrival.empty() ? mission.goal.time : parse_time(arrival, "--arrival"));
+  if (demand.targets.empty()) {
+    return std::nullopt;
+  }
+  if (demand.targets.size() > 1 && (speed_mps > 0.0 || mission.speed_mps)) {
+    throw UsageError("times at two places fix the speed, which is given too",
+                     "leave out the speed, or all times but one");
+  }
+  demand.tolerance_s = time_tolerance_s > 0.0 ? time_tolerance_s : mission.time_tolerance_s;
+  return demand;
 }
 
 }  // namespace hedgehop::cli

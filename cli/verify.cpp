@@ -8,6 +8,7 @@
 #include "leg_file.hpp"
 #include "map/map_bundle.hpp"
 #include "output/plan_bundle.hpp"
+#include "planning/request_areas.hpp"
 #include "uncertainty_arguments.hpp"
 #include "verbs.hpp"
 #include "verification/plan_check.hpp"
@@ -79,13 +80,7 @@ void add_verify_verb(CLI::App& app, Console& console) {
         return check_leg_file(console, arguments->plan, arguments->map, arguments->uncertainty);
       }
       const flight::Plan plan = output::read_plan_bundle(arguments->plan);
-      const map::Map map = map::read_map_bundle(arguments->map);
-      if (plan.route_plan.map.hash != map.hash) {
-        throw UsageError("plan " + arguments->plan + " was made on map " +
-                             plan.route_plan.map.hash.hex() + ", but " + arguments->map +
-                             " is map " + map.hash.hex(),
-                         "give the map that the plan was made on");
-      }
+      const map::Map map = planning::read_map_of_plan(arguments->map, plan, arguments->plan);
       const std::string folder = arguments->plan;
       const verification::PlanCheck check = verification::check_plan(
           map, plan, read_file(std::filesystem::path(folder) / output::kTrajectoryFile));

@@ -22,6 +22,7 @@
 #include "messages/message_error.hpp"
 #include "output/plan_bundle.hpp"
 #include "planning/planning.hpp"
+#include "planning/request_areas.hpp"
 #include "preparation/prepare.hpp"
 #include "verification/plan_check.hpp"
 
@@ -431,13 +432,9 @@ std::variant<std::shared_ptr<flight::Plan>, flight::NoPlan> make_plan(
 flight::Verdict verify_plan(const MapPointer& map, const std::string& folder) {
   const py::gil_scoped_release released;
   const flight::Plan plan = output::read_plan_bundle(folder);
-  if (plan.route_plan.map.hash != map->hash) {
-    throw UsageError("plan " + folder + " was made on map " + plan.route_plan.map.hash.hex() +
-                         ", but this is map " + map->hash.hex(),
-                     "give the map that the plan was made on");
-  }
   return verification::check_plan(
-             *map, plan, read_file(std::filesystem::path(folder) / output::kTrajectoryFile))
+             planning::map_of_plan(*map, plan, folder), plan,
+             read_file(std::filesystem::path(folder) / output::kTrajectoryFile))
       .verdict;
 }
 

@@ -48,7 +48,7 @@ def measurements(regions, is_small, table3_runs):
             Measurement("optimality", region,
                         ["--problems", runs(10, 2), "--budgets", "0.5,1" if not is_small else "0.3",
                          "--seed", SEED]),
-            Measurement("verifier", region, ["--plans", runs(350, 4), "--seed", SEED]),
+            Measurement("verifier", region, ["--plans", runs(420, 4), "--seed", SEED]),
             Measurement("sensitivity", region, ["--runs", runs(20, 2), "--seed", SEED, *varied], "--keep"),
         ]
     budget = ["--budget-s", "1"] if is_small else []
@@ -58,8 +58,8 @@ def measurements(regions, is_small, table3_runs):
     return listed
 
 
-def measure(program, work, measurement, regions, version):
-    """The result, kept or new, with the command that gave it."""
+def measure(program, work, measurement, regions, version, may_run):
+    """The result, kept or new, with the command that gave it; None if it is not kept and nothing may run."""
     shown = ["hedgehop", "evaluate", measurement.kind]
     real = [program, "evaluate", measurement.kind]
     map_hash = None
@@ -78,7 +78,9 @@ def measure(program, work, measurement, regions, version):
     if kept.exists():
         record = json.loads(kept.read_text(encoding="utf-8"))
         if record["command"] == command and record["map_hash"] == map_hash:
-            return record, True
+            return record
+    if not may_run:
+        return None
     begun = time.monotonic()
     result = regions_of_maps.run_json([*real, "--json"], work / f"{measurement.name}.log")
     record = {"command": command, "map_hash": map_hash, "version": version,
@@ -87,7 +89,7 @@ def measure(program, work, measurement, regions, version):
     unfinished = kept.with_suffix(".part")
     unfinished.write_text(json.dumps(record, indent=1), encoding="utf-8")
     unfinished.rename(kept)
-    return record, False
+    return record
 
 
 def main():
@@ -128,14 +130,13 @@ def main():
     todo = measurements(list(regions), arguments.small, arguments.table3_runs)
     records, begun = {}, time.monotonic()
     for at, measurement in enumerate(todo):
-        is_kept = (work / "measured" / f"{measurement.name}.json").exists()
-        if not is_kept and (arguments.page_only or (only and measurement.kind not in only)):
-            continue
+        may_run = not arguments.page_only and (not only or measurement.kind in only)
         done = 100 * at // len(todo)
         elapsed = (time.monotonic() - begun) / 60
         print(f"reproduce_paper: [{'#' * (done // 5):<20}] {at} of {len(todo)}, {elapsed:.0f} min: {measurement.name}",
               file=sys.stderr)
-        records[measurement.name], _ = measure(program, work, measurement, regions, version)
+        if record := measure(program, work, measurement, regions, version, may_run):
+            records[measurement.name] = record
     unmeasured = [measurement.name for measurement in todo if measurement.name not in records]
     results_page.write(page, records, commands, absent, unmeasured, is_small=arguments.small)
     print(f"reproduce_paper: {page}", file=sys.stderr)

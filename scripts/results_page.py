@@ -107,14 +107,22 @@ class Page:
                 self.say("The other modes and cells:", "",
                          table(["mode", "cells", "window", "directions", "ms/km", "reference ms/km"], others))
             self.command(record)
-            worst = min(r["paper_ms_per_km"] / r["ms_per_km"] for r in rows.values())
-            self.goals.append(Goal("every cell of table 1 at least 150 times the paper's speed", worst,
-                                   f"{worst:.0f} times at least", worst >= 150))
+            times = {cell: r["paper_ms_per_km"] / r["ms_per_km"] for cell, r in rows.items()}
+            (window, sectors), worst = min(times.items(), key=lambda entry: entry[1])
+            least, most = (rows[(window, k)]["ms_per_km"] for k in (min(k for _, k in rows), max(k for _, k in rows)))
+            self.goals.append(Goal(
+                "every cell of table 1 at least 150 times the paper's speed", worst, f"{worst:.0f} times at least",
+                worst >= 150,
+                f"{sum(t >= 150 for t in times.values())} of {len(times)} cells are; the least is w = {window:.0f} m, "
+                f"K = {sectors}, where the paper is quickest, while here eight times as many directions cost only "
+                f"{percent(most / least - 1, 0).lstrip('+')} more: the rest is what each step does whatever K is"))
             example = rows.get((350.0, 64))
             if example:
                 self.below("TVFH+ at w = 350 m, K = 64 in at most 0.9 ms/km", "", example["ms_per_km"], 0.9,
                            f"{example['ms_per_km']:.2f} ms/km",
-                           "the goal was set on another, faster processor")
+                           "the goal was set on another processor; on this one the plain reference takes "
+                           f"{example['reference_ms_per_km']:.1f} ms/km in the same run, "
+                           f"{example['reference_ms_per_km'] / example['ms_per_km']:.0f} times as long")
             points = "".join(f"{w} " + " ".join(
                 str(rows[(w, k)]["paper_ms_per_km"] / rows[(w, k)]["ms_per_km"]) if (w, k) in rows else "nan"
                 for k in PAPER_SECTORS) + "\n" for w in PAPER_WINDOWS)
@@ -231,15 +239,21 @@ class Page:
                  "over a proved lower bound.")
         rows = []
         for region, record in found:
+            later = {row["budget_s"]: row for row in record["result"]["rows"]
+                     if row["planner"] == "recommended" and row["budget_s"] > 0.5}
             for row in record["result"]["rows"]:
                 rows.append([region, row["planner"], f"{row['budget_s']:.1f} s", f"{100 * row['success']:.0f} %",
                              number(row["first_route_s_median"], 3), number(row["cost_over_best_median"], 3),
                              number(row["cost_over_best_p95"], 3), number(row["cost_over_bound_median"], 3)])
                 if row["planner"] == "recommended" and row["budget_s"] == 0.5:
+                    def why(name, later=later):
+                        return "the search still goes on: " + ", ".join(
+                            f"after {budget:.0f} s {number(row[name], 3)}" for budget, row in later.items()) if later else ""
                     self.below("cost over best known after 0.5 s, median at most 1.01", region,
-                               row["cost_over_best_median"], 1.01, number(row["cost_over_best_median"], 3))
+                               row["cost_over_best_median"], 1.01, number(row["cost_over_best_median"], 3),
+                               why("cost_over_best_median"))
                     self.below("the same, 95 % of the problems at most 1.05", region, row["cost_over_best_p95"], 1.05,
-                               number(row["cost_over_best_p95"], 3))
+                               number(row["cost_over_best_p95"], 3), why("cost_over_best_p95"))
         self.say(table(["region", "planner", "budget", "success", "first route [s]", "cost / best", "of 95 %",
                         "cost / bound"], rows))
         for _, record in found:
@@ -279,7 +293,8 @@ class Page:
                              row["reached"], row["collisions"], row["clearance_violations"],
                              number(row["min_clearance_m"], 1), number(row["mean_height_m"], 1)])
                 self.below(f"no collisions: {row['planner']}, {'with' if row.get('towers') else 'without'} towers",
-                           region, row["collisions"], 0, f"{row['collisions']} of {row['flights']} flights")
+                           region, row["collisions"], 0, f"{row['collisions']} of {row['flights']} flights",
+                           "a mode alone, without the vertical pass and the verifier that shipped plans go through")
         self.say(table(["region", "planner", "towers", "flights", "reached", "collisions", "violations",
                         "least clearance [m]", "mean height [m]"], rows))
         for _, record in found:
@@ -302,14 +317,16 @@ class Page:
                          number(result["gdal"]["mean_abs_error"], 4)])
             self.below("visibility in at most 1.2 processor seconds per million cells", region,
                        result["cpu_s_per_million_cells"], 1.2, number(result["cpu_s_per_million_cells"]),
-                       "the goal was set on another, faster processor")
+                       f"the goal was set on another processor, with one thread; one takes "
+                       f"{number(result['one_thread_cpu_s_per_million_cells'])} s here, GDAL "
+                       f"{result['gdal']['cpu_s_per_million_cells'] / result['cpu_s_per_million_cells']:.0f} times as long")
             self.below("visibility error, mean at most 0.001", region, result["error"]["mean_abs"], 0.001,
                        number(result["error"]["mean_abs"], 4))
             self.below("visibility error, greatest of the drawn cells at most 0.005", region,
                        result["error"]["max_abs"], 0.005, number(result["error"]["max_abs"], 4),
-                       "what remains lies between the rays")
+                       "what remains lies between the rays: more azimuths bring it down and cost time in proportion")
             self.below("visibility error, 95 % of the cells at most 0.002", region, result["error"]["p95_abs"], 0.002,
-                       number(result["error"]["p95_abs"], 4), "what remains lies between the rays")
+                       number(result["error"]["p95_abs"], 4), "as above")
         self.say(table(["region", "instructions", "s per million cells", "mean error", "95 %", "greatest",
                         "GDAL: s per million", "GDAL: mean error"], rows))
         for _, record in found:

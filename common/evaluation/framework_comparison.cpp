@@ -6,6 +6,7 @@
 #include <limits>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
+#include <set>
 #include <variant>
 
 #include "base/elementary.hpp"
@@ -344,7 +345,13 @@ FrameworkResult compare_frameworks(const map::Map& map, const PlanningConfig& co
         continue;
       }
     }
-    const auto answer = comparison.plan_ours(drawn.problems[result.problems.size()], problem);
+    std::optional<Solved> answer;
+    try {
+      answer = comparison.plan_ours(drawn.problems[result.problems.size()], problem);
+    } catch (const Interrupted&) {
+      result.is_stopped = true;
+      break;
+    }
     if (answer) {
       open.push_back(*answer);
       ++solved;
@@ -355,7 +362,7 @@ FrameworkResult compare_frameworks(const map::Map& map, const PlanningConfig& co
   }
   observer.progress("our framework", static_cast<double>(options.runs),
                     static_cast<double>(options.runs));
-  if (solved < options.runs) {
+  if (solved < options.runs && !result.is_stopped) {
     throw DataError("only " + std::to_string(solved) + " of " +
                         std::to_string(result.problems.size()) + " drawn problems were solved, " +
                         std::to_string(options.runs) + " were asked for",
@@ -365,19 +372,46 @@ FrameworkResult compare_frameworks(const map::Map& map, const PlanningConfig& co
   // In the order of drawing, so that what an interrupted run has kept is what a shorter one needs.
   std::atomic<std::size_t> next{0};
   std::atomic<std::size_t> done{0};
+  std::vector<char> is_finished(open.size(), 0);
   oneapi::tbb::task_arena two(2);
   two.execute([&] {
     oneapi::tbb::parallel_for(0, 2, [&](int) {
       for (std::size_t i = next++; i < open.size(); i = next++) {
         FrameworkProblem& problem = result.problems[open[i].at];
-        comparison.plan_others(open[i], static_cast<std::int64_t>(i) < options.edge_runs, problem);
+        if (observer.stop_requested()) {
+          return;
+        }
+        try {
+          comparison.plan_others(open[i], static_cast<std::int64_t>(i) < options.edge_runs,
+                                 problem);
+        } catch (const Interrupted&) {
+          return;
+        }
+        if (observer.stop_requested()) {
+          return;  // a planner may have ended early
+        }
+        is_finished[i] = 1;
         kept.keep(problem.number, framework_problem_json(problem));
         observer.progress("the paper's framework and its baseline", static_cast<double>(++done),
                           static_cast<double>(open.size()));
       }
     });
   });
-  observer.check_stop();
+  if (observer.stop_requested()) {
+    result.is_stopped = true;
+    std::set<std::int64_t> unfinished;
+    for (std::size_t i = 0; i < open.size(); ++i) {
+      if (is_finished[i] == 0) {
+        unfinished.insert(static_cast<std::int64_t>(open[i].at));
+      }
+    }
+    std::erase_if(result.problems, [&](const FrameworkProblem& problem) {
+      return unfinished.contains(problem.number);
+    });
+    if (result.problems.empty()) {
+      throw Interrupted();
+    }
+  }
   summarise(result);
   return result;
 }

@@ -81,6 +81,7 @@ struct FrameworkResult {
   FrameworkOptions options;
   double turn_radius_m = 0.0;
   std::vector<FrameworkProblem> problems;  // all that were drawn
+  bool is_stopped = false;                 // early: problems that were not finished are left out
   std::int64_t from_cache = 0;
   std::int64_t solved = 0;           // by our framework
   std::int64_t named_causes = 0;     // of the others

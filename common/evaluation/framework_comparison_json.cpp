@@ -127,6 +127,7 @@ std::string framework_result_json(const FrameworkResult& result, const MachineRe
   json["seed"] = result.seed;
   json["map"] = {{"hash", result.map_hash}, {"label", result.map_label}};
   json["machine"] = machine_json(machine);
+  json["is_stopped"] = result.is_stopped;
   json["budget_s"] = options.budget_s;
   json["turn_radius_m"] = result.turn_radius_m;
   json["paper_settings"] = options.paper_settings;

@@ -334,7 +334,7 @@ LocalSpeedResult evaluate_local_speed(const map::Map* map, const planning::Plann
     result.rows.push_back(row);
     observer.progress("local speed", static_cast<double>(result.rows.size()), rows);
   };
-  {
+  const auto run_all = [&] {
     const map::Map hills = map != nullptr ? map::Map{} : hills_for(options, kPaperCell_m);
     SpeedRun run(map != nullptr ? *map : hills, used, options, thread_cpu_s, observer);
     for (const PaperRow& paper : kPaper) {
@@ -343,13 +343,21 @@ LocalSpeedResult evaluate_local_speed(const map::Map* map, const planning::Plann
       }
     }
     add(run.rollout_row(used.local));
-  }
-  if (map == nullptr) {
-    for (const double cell_m : {10.0, 5.0}) {
-      const map::Map hills = hills_for(options, cell_m);
-      SpeedRun run(hills, used, options, thread_cpu_s, observer);
-      add(run.rollout_row(used.local));
+    if (map == nullptr) {
+      for (const double cell_m : {10.0, 5.0}) {
+        const map::Map finer = hills_for(options, cell_m);
+        SpeedRun finer_run(finer, used, options, thread_cpu_s, observer);
+        add(finer_run.rollout_row(used.local));
+      }
     }
+  };
+  try {
+    run_all();
+  } catch (const Interrupted&) {
+    if (result.rows.empty()) {
+      throw;
+    }
+    result.is_stopped = true;
   }
   return result;
 }
@@ -360,6 +368,7 @@ std::string local_speed_json(const LocalSpeedResult& result) {
   json["schema_version"] = 1;
   json["kernel"] = result.kernel;
   json["map"] = result.map;
+  json["is_stopped"] = result.is_stopped;
   json["rows"] = nlohmann::ordered_json::array();
   for (const LocalSpeedRow& row : result.rows) {
     nlohmann::ordered_json one;

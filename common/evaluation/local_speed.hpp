@@ -42,6 +42,7 @@ struct LocalSpeedResult {
   std::string kernel;
   std::string map;
   std::vector<LocalSpeedRow> rows;
+  bool is_stopped = false;  // early: rows are missing
 };
 
 /// Hills of 0 to 500 m with valleys 1 to 6 km apart, blobs of visibility and some settlements;

@@ -31,6 +31,8 @@ ErrorStatistics statistics_of(const std::vector<double>& errors) {
   }
   std::vector<double> sorted;
   const auto count = static_cast<double>(errors.size());
+  statistics.bias = 0.0;
+  statistics.mean_abs = 0.0;
   for (const double error : errors) {
     statistics.bias += error / count;
     statistics.mean_abs += std::fabs(error) / count;
@@ -132,10 +134,15 @@ class Evaluation {
     const VisibilityLayers layers = timed(visibility_, execution_, result_.cpu_s_per_million_cells);
     result_.memory_bytes_per_cell =
         (meters_->peak_bytes() - bytes_before) / static_cast<double>(result_.timed_cells);
-    timed(visibility_, {1, execution_.simd}, result_.one_thread_cpu_s_per_million_cells);
-    compare(layers, seed);
-    update(layers);
-    exposure(seed);
+    try {
+      timed(visibility_, {1, execution_.simd}, result_.one_thread_cpu_s_per_million_cells);
+      compare(layers, seed);
+      observer_->check_stop();
+      update(layers);
+      exposure(seed);
+    } catch (const Interrupted&) {
+      result_.is_stopped = true;
+    }
     return result_;
   }
 
@@ -189,7 +196,9 @@ class Evaluation {
     double gdal_cpu_s = 0.0;
     double gdal_sum = 0.0;
     for (const raster::CellIndex& cell : cells) {
-      observer_->check_stop();
+      if (observer_->stop_requested()) {
+        break;
+      }
       observer_->progress("brute force", static_cast<double>(errors.size()),
                           static_cast<double>(cells.size()));
       const double exact = preparation::reference_visibility_share(
@@ -208,7 +217,9 @@ class Evaluation {
         ++result_.gdal_cells;
       }
     }
-    observer_->progress("brute force", 1.0, 1.0);
+    if (!observer_->stop_requested()) {
+      observer_->progress("brute force", 1.0, 1.0);
+    }
     result_.error = statistics_of(errors);
     if (result_.gdal_cells > 0) {
       const auto count = static_cast<double>(result_.gdal_cells);
@@ -325,6 +336,7 @@ std::string protection_result_json(const ProtectionResult& result) {
   json["schema"] = "hedgehop evaluate protection";
   json["schema_version"] = 1;
   json["seed"] = result.seed;
+  json["is_stopped"] = result.is_stopped;
   json["simd"] = result.simd;
   json["threads"] = result.threads;
   json["timed_cells"] = result.timed_cells;
@@ -336,7 +348,10 @@ std::string protection_result_json(const ProtectionResult& result) {
   json["gdal"] = {{"cells", result.gdal_cells},
                   {"cpu_s_per_million_cells", result.gdal_cpu_s_per_million_cells},
                   {"mean_abs_error", result.gdal_mean_abs_error}};
-  json["update"] = {{"cpu_s", result.update_cpu_s}, {"same_bytes", result.is_update_exact}};
+  json["update"] = {
+      {"cpu_s", result.update_cpu_s},
+      {"same_bytes", result.is_update_exact ? nlohmann::ordered_json(*result.is_update_exact)
+                                            : nlohmann::ordered_json(nullptr)}};
   nlohmann::ordered_json exposure;
   exposure["cpu_s_per_million_cells"] = result.exposure_cpu_s_per_million_cells;
   exposure["ratio_to_one_height"] = result.exposure_ratio;

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,33 +29,37 @@ struct ProcessMeters {
   std::function<double()> peak_bytes;  // greatest memory so far
 };
 
+/// NaN without a cell.
 struct ErrorStatistics {
   std::int64_t cells = 0;
-  double mean_abs = 0.0;
-  double p95_abs = 0.0;
-  double max_abs = 0.0;
-  double bias = 0.0;  // mean of share - brute force
+  double mean_abs = std::numeric_limits<double>::quiet_NaN();
+  double p95_abs = std::numeric_limits<double>::quiet_NaN();
+  double max_abs = std::numeric_limits<double>::quiet_NaN();
+  double bias = std::numeric_limits<double>::quiet_NaN();  // mean of share - brute force
 };
 
+/// What was not measured is NaN.
 struct ProtectionResult {
   std::uint64_t seed = 0;
+  bool is_stopped = false;  // early: the later measurements are missing, or cover fewer cells
   std::string simd;
   int threads = 0;
   std::int64_t timed_cells = 0;
   bool is_surroundings_complete = false;  // of the timed and compared cells
   double cpu_s_per_million_cells = 0.0;
-  double one_thread_cpu_s_per_million_cells = 0.0;
-  double memory_bytes_per_cell = 0.0;             // peak above what the map needs
-  double exposure_cpu_s_per_million_cells = 0.0;  // all heights together
-  double exposure_ratio = 0.0;                    // to one height
+  double one_thread_cpu_s_per_million_cells = std::numeric_limits<double>::quiet_NaN();
+  double memory_bytes_per_cell = 0.0;  // peak above what the map needs
+  // All heights together, and over that of one height
+  double exposure_cpu_s_per_million_cells = std::numeric_limits<double>::quiet_NaN();
+  double exposure_ratio = std::numeric_limits<double>::quiet_NaN();
   std::vector<double> exposure_heights_m;
   std::vector<ErrorStatistics> exposure_errors;  // a fifth of the cells, by height
-  double update_cpu_s = 0.0;                     // of a patch in the middle
-  bool is_update_exact = false;                  // same bytes as a full run
+  double update_cpu_s = std::numeric_limits<double>::quiet_NaN();  // of a patch in the middle
+  std::optional<bool> is_update_exact;                             // same bytes as a full run
   ErrorStatistics error;
   std::int64_t gdal_cells = 0;
-  double gdal_cpu_s_per_million_cells = 0.0;
-  double gdal_mean_abs_error = 0.0;
+  double gdal_cpu_s_per_million_cells = std::numeric_limits<double>::quiet_NaN();
+  double gdal_mean_abs_error = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Times the visibility layer over the map's surface and compares it with brute force and with

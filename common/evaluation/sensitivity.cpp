@@ -143,27 +143,39 @@ SensitivityResult evaluate_sensitivity(const map::Map& map, const PlanningConfig
   for (const auto& parameter : options.parameters) {
     total += parameter.values.size();
   }
-  for (const auto& parameter : options.parameters) {
-    for (const double value : parameter.values) {
-      observer.check_stop();
-      observer.progress("values", static_cast<double>(result.rows.size()),
-                        static_cast<double>(total));
-      const std::string setting = setting_of(parameter.key, value);
-      const PlanningConfig changed_config = config_with(base_config.text, {setting});
-      SensitivityRow row;
-      row.key = parameter.key;
-      row.symbol = parameter.symbol;
-      row.value = value;
-      row.is_base = value == value_of(base_config, parameter.key);
-      const std::vector<DrawnRoute> changed_routes =
-          parameter.changes_routes && !row.is_base
-              ? draw_routes(map, changed_config, rules, options.runs, seed, folder, plan, quiet)
-                    .routes
-              : routes.routes;
-      compare(row.is_base ? base : flown_all(costs, changed_config, changed_routes, observer), base,
-              base_config.demands.required_clearance_m, options, seed, row);
-      result.rows.push_back(std::move(row));
+  const auto add_row = [&](const SensitivityOptions::Parameter& parameter, double value) {
+    observer.check_stop();
+    observer.progress("values", static_cast<double>(result.rows.size()),
+                      static_cast<double>(total));
+    const std::string setting = setting_of(parameter.key, value);
+    const PlanningConfig changed_config = config_with(base_config.text, {setting});
+    SensitivityRow row;
+    row.key = parameter.key;
+    row.symbol = parameter.symbol;
+    row.value = value;
+    row.is_base = value == value_of(base_config, parameter.key);
+    const std::vector<DrawnRoute> changed_routes =
+        parameter.changes_routes && !row.is_base
+            ? draw_routes(map, changed_config, rules, options.runs, seed, folder, plan, quiet)
+                  .routes
+            : routes.routes;
+    compare(row.is_base ? base : flown_all(costs, changed_config, changed_routes, observer), base,
+            base_config.demands.required_clearance_m, options, seed, row);
+    observer.check_stop();  // flights may have ended early
+    result.rows.push_back(std::move(row));
+  };
+  try {
+    for (const auto& parameter : options.parameters) {
+      for (const double value : parameter.values) {
+        add_row(parameter, value);
+      }
     }
+  } catch (const Interrupted&) {
+    if (result.rows.empty()) {
+      throw;
+    }
+    result.is_stopped = true;
+    return result;
   }
   observer.progress("values", static_cast<double>(total), static_cast<double>(total));
   return result;
@@ -176,6 +188,7 @@ std::string sensitivity_result_json(const SensitivityResult& result, const Machi
   json["seed"] = result.seed;
   json["map"] = {{"hash", result.map_hash}, {"label", result.map_label}};
   json["machine"] = machine_json(machine);
+  json["is_stopped"] = result.is_stopped;
   json["runs"] = result.options.runs;
   json["problems"] = result.problems;
   json["base_settings"] = result.options.base_settings;

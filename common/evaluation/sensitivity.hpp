@@ -55,6 +55,7 @@ struct SensitivityResult {
   SensitivityOptions options;
   std::int64_t problems = 0;  // drawn for so many routes
   std::vector<SensitivityRow> rows;
+  bool is_stopped = false;  // early: the values that were not finished are left out
 };
 
 /// Varies parameters one at a time and measures the flights of the same drawn problems (the paper's

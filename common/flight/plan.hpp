@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/hash.hpp"
+#include "base/time.hpp"
 #include "flight/plan_request.hpp"
 #include "flight/route.hpp"
 #include "flight/trajectory.hpp"
@@ -33,6 +35,20 @@ struct RoutePlan {
   Route route;
 };
 
+/// When a flight passes its places.
+struct Timetable {
+  struct Entry {
+    std::size_t place = 0;       // 0: start, 1 and on: via points, the last one: goal
+    Time expected;               // when the trajectory is nearest to it
+    std::optional<Time> wanted;  // as the request states it
+  };
+  double tolerance_s = 0.0;    // what a wanted time may be missed by
+  std::vector<Entry> entries;  // all places in their order; the first one is the departure
+
+  /// Greatest difference between expected and wanted; 0 without wanted times.
+  [[nodiscard]] double greatest_error_s() const;
+};
+
 /// A finished plan: everything that plan.json, route.geojson and trajectory.csv say.
 struct Plan {
   RoutePlan route_plan;
@@ -41,6 +57,7 @@ struct Plan {
   std::int64_t decisions = 0;  // of the local planner, all passes
   std::int64_t infeasible_decisions = 0;
   Verdict verdict;
+  std::optional<Timetable> timetable;  // of a flight with times of day
   std::vector<std::string> warnings;
 };
 

@@ -1,5 +1,8 @@
 #include "flight/plan_request.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 #include "base/errors.hpp"
 #include "flight/plan.hpp"
 
@@ -88,6 +91,16 @@ Hash128 plan_request_id(const PlanRequest& request, const Hash128& map_hash,
   update(hasher, request.seed);
   update(hasher, request.work_budget);
   return hasher.digest();
+}
+
+double Timetable::greatest_error_s() const {
+  double greatest_s = 0.0;
+  for (const Entry& entry : entries) {
+    if (entry.wanted) {
+      greatest_s = std::max(greatest_s, std::fabs(seconds_between(*entry.wanted, entry.expected)));
+    }
+  }
+  return greatest_s;
 }
 
 }  // namespace hedgehop::flight

@@ -17,6 +17,30 @@ struct RequestPoint {
   std::optional<double> height_m;
 };
 
+/// Lower or upper end of an area that a request names.
+struct RequestAreaEnd {
+  double value_m = 0.0;          // -infinity: from the ground on and below; +infinity: without end
+  bool is_above_ground = false;  // else AMSL in the map's datum
+
+  bool operator==(const RequestAreaEnd&) const = default;
+};
+
+/// A volume of this flight alone, beside those of the map: not to be entered (hard), or that costs
+/// (soft). Rings are closed; edges are straight on the map.
+struct RequestArea {
+  using Ring = std::vector<geo::GeodeticPosition>;
+  struct Polygon {
+    Ring outer;
+    std::vector<Ring> holes;
+  };
+  std::string name;
+  std::string kind;  // as map::Area::kind
+  bool is_hard = true;
+  RequestAreaEnd floor;
+  RequestAreaEnd ceiling;
+  std::vector<Polygon> polygons;  // at least 1
+};
+
 /// What the user asks for. Everything else that shapes a plan stands in the map and the config.
 struct PlanRequest {
   RequestPoint start;
@@ -26,6 +50,9 @@ struct PlanRequest {
   std::optional<double> speed_mps;               // default: config
   std::uint64_t seed = 1;
   std::int64_t work_budget = 0;  // work units of the global planner; 0: config
+  /// Already part of the map that the request is planned on, as planning::map_with_areas() gives
+  /// it, and of its hash.
+  std::vector<RequestArea> areas = {};
 };
 
 /// Why there is no plan. Stable names, used in JSON, messages and statistics.

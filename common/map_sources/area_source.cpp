@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <ogrsf_frmts.h>
 
 #include "base/angles.hpp"
+#include "base/elementary.hpp"
 #include "base/errors.hpp"
 #include "base/files.hpp"
 #include "map_sources/gdal_access.hpp"
@@ -43,6 +46,8 @@ class Placer {
     ring->closeRings();
     window_.addRingDirectly(ring.release());
   }
+
+  [[nodiscard]] const OGRPolygon& window() const { return window_; }
 
   // Empty if nothing of it lies in the region. Null if GEOS cannot work on it.
   [[nodiscard]] std::optional<std::vector<MapPolygon>> placed(const OGRGeometry& given) const {
@@ -243,8 +248,9 @@ class Attributes {
   std::string where_;
 };
 
-void read_layer(const fs::path& path, OGRLayer& layer, const Placer& placer, Observer& observer,
+void read_layer(const AreaFile& file, OGRLayer& layer, const Placer& placer, Observer& observer,
                 AirspaceList& list) {
+  const fs::path& path = file.path;
   if (layer.GetLayerDefn()->GetGeomFieldCount() == 0) {
     return;
   }
@@ -258,6 +264,10 @@ void read_layer(const fs::path& path, OGRLayer& layer, const Placer& placer, Obs
   const auto to_wgs84 = transformation(source, wgs84(), path);
   for (const auto& feature : layer) {
     observer.check_stop();
+    if (const OGRGeometry* shape = feature->GetGeometryRef();
+        file.others_are_skipped && (shape == nullptr || shape->getDimension() != 2)) {
+      continue;
+    }
     ++list.record_count;
     const std::string where = path.string() + ": layer '" + clean_name(layer.GetName()) +
                               "', feature " + std::to_string(feature->GetFID());
@@ -308,8 +318,9 @@ void read_layer(const fs::path& path, OGRLayer& layer, const Placer& placer, Obs
   }
 }
 
-void read_vectors(const fs::path& path, const Placer& placer, Observer& observer,
+void read_vectors(const AreaFile& file, const Placer& placer, Observer& observer,
                   AirspaceList& list) {
+  const fs::path& path = file.path;
   GDALAllRegister();
   GdalErrors errors;
   static const char* const kDrivers[] = {"GeoJSON",        "LIBKML",     "KML",  "GPKG",
@@ -323,7 +334,7 @@ void read_vectors(const fs::path& path, const Placer& placer, Observer& observer
                     kHint);
   }
   for (OGRLayer* layer : dataset->GetLayers()) {
-    read_layer(path, *layer, placer, observer, list);
+    read_layer(file, *layer, placer, observer, list);
   }
   if (!errors.first().empty()) {
     throw DataError(path.string() + ": " + errors.first(), kHint);
@@ -332,7 +343,67 @@ void read_vectors(const fs::path& path, const Placer& placer, Observer& observer
 
 }  // namespace
 
-AirspaceList read_areas(const std::vector<fs::path>& files, const geo::MapProjection& projection,
+Fence circle_fence(const geo::GeodeticPosition& centre, double radius_m, bool is_inclusion,
+                   std::string place) {
+  constexpr int kCorners = 64;
+  constexpr double kSpare = 1e-4;  // what edges in degrees may stray from those of the ellipsoid
+  // Distances from its centre are true.
+  char crs[200];
+  std::snprintf(crs, sizeof crs, "+proj=aeqd +lat_0=%.12f +lon_0=%.12f +datum=WGS84 +units=m",
+                degrees_from_radians(centre.latitude_rad),
+                degrees_from_radians(centre.longitude_rad));
+  const geo::MapProjection around(crs);
+  const double half_step_rad = std::numbers::pi / kCorners;
+  const double reach_m = is_inclusion ? radius_m * (1.0 - kSpare)
+                                      : radius_m / elementary::cos(half_step_rad) * (1.0 + kSpare);
+  Fence fence{is_inclusion, {}, std::move(place)};
+  for (int i = 0; i < kCorners; ++i) {
+    const double angle_rad = 2.0 * half_step_rad * i;
+    fence.outline.push_back(around.to_geodetic(
+        {reach_m * elementary::cos(angle_rad), reach_m * elementary::sin(angle_rad)}));
+  }
+  return fence;
+}
+
+std::vector<AirspaceArea> areas_of_fences(const std::vector<Fence>& fences,
+                                          const geo::MapProjection& projection,
+                                          const geo::GeodeticBox& region) {
+  const GdalErrors quiet;
+  const Placer placer(projection, region);
+  std::vector<AirspaceArea> areas;
+  for (const Fence& fence : fences) {
+    const auto refuse = [&fence]() {
+      throw DataError(fence.place + ": its outline cannot be made a polygon", "correct it");
+    };
+    auto ring = std::make_unique<OGRLinearRing>();
+    for (const geo::GeodeticPosition& corner : fence.outline) {
+      ring->addPoint(degrees_from_radians(corner.longitude_rad),
+                     degrees_from_radians(corner.latitude_rad));
+    }
+    ring->closeRings();
+    if (ring->getNumPoints() < 4) {
+      refuse();
+    }
+    OGRPolygon polygon;
+    polygon.addRingDirectly(ring.release());
+    const GeometryPointer valid(polygon.IsValid() ? polygon.clone() : polygon.MakeValid());
+    GeometryPointer forbidden(!valid               ? nullptr
+                              : fence.is_inclusion ? placer.window().Difference(valid.get())
+                                                   : valid->clone());
+    auto polygons = forbidden ? placer.placed(*forbidden) : std::nullopt;
+    if (!polygons) {
+      refuse();
+    }
+    if (!polygons->empty()) {
+      areas.push_back({fence.is_inclusion ? "outside of the geofence" : "geofence", "no_fly", true,
+                       AltitudeLimit{-kInfinity, true}, AltitudeLimit{kInfinity, false},
+                       std::move(*polygons)});
+    }
+  }
+  return areas;
+}
+
+AirspaceList read_areas(const AreaFiles& files, const geo::MapProjection& projection,
                         const geo::GeodeticBox& region, Observer& observer) {
   AirspaceList list;
   const GdalErrors quiet;  // GEOS says what is not valid, which is mended
@@ -341,12 +412,14 @@ AirspaceList read_areas(const std::vector<fs::path>& files, const geo::MapProjec
     observer.check_stop();
     observer.progress(kStage, static_cast<double>(i), static_cast<double>(files.size()));
     std::error_code error;
-    if (!fs::is_regular_file(files[i], error)) {
-      throw DataError(files[i].string() + ": no such file", "check the path given with --areas");
+    const fs::path& path = files[i].path;
+    if (!fs::is_regular_file(path, error)) {
+      throw DataError(path.string() + ": no such file",
+                      "check the path given with --areas, or under areas in the mission");
     }
-    const std::string extension = lower_case(files[i].extension().string());
+    const std::string extension = lower_case(path.extension().string());
     if (extension == ".txt" || extension == ".air" || extension == ".openair") {
-      read_open_air(files[i], placer, list);
+      read_open_air(path, placer, list);
     } else {
       read_vectors(files[i], placer, observer, list);
     }

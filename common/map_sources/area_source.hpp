@@ -29,6 +29,25 @@ struct AirspaceList {
   std::int64_t record_count = 0;    // of the files, wherever they lie
 };
 
+struct AreaFile {
+  std::filesystem::path path;
+  bool others_are_skipped = false;  // what is no polygon; else it is refused
+};
+using AreaFiles = std::vector<AreaFile>;
+
+/// Where a flight must stay, or must not go, at every altitude. The outline is open or closed;
+/// edges are straight in longitude and latitude.
+struct Fence {
+  bool is_inclusion = false;  // stay inside
+  std::vector<geo::GeodeticPosition> outline;
+  std::string place;  // "flight.plan: fence 0", for errors
+};
+
+/// A circle as a fence with straight edges that permits nothing which the circle does not: around
+/// it if it must not be entered, inside it if it must not be left.
+Fence circle_fence(const geo::GeodeticPosition& centre, double radius_m, bool is_inclusion,
+                   std::string place);
+
 /// Reads areas from files.
 ///
 /// OpenAir (.txt, .air, .openair): see parse_open_air(). Anything else goes through OGR: GeoJSON,
@@ -50,8 +69,15 @@ struct AirspaceList {
 /// is
 ///                    no polygon or an altitude that cannot be read; says which and where.
 /// @throws Interrupted
-AirspaceList read_areas(const std::vector<std::filesystem::path>& files,
-                        const geo::MapProjection& projection, const geo::GeodeticBox& region,
-                        Observer& observer);
+AirspaceList read_areas(const AreaFiles& files, const geo::MapProjection& projection,
+                        const geo::GeodeticBox& region, Observer& observer);
+
+/// Fences as hard areas at every altitude. All inclusions together must be kept: outside of each of
+/// them is an area.
+///
+/// @throws DataError  an outline cannot be made a polygon.
+std::vector<AirspaceArea> areas_of_fences(const std::vector<Fence>& fences,
+                                          const geo::MapProjection& projection,
+                                          const geo::GeodeticBox& region);
 
 }  // namespace hedgehop::map_sources

@@ -11,6 +11,7 @@
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
 #include "base/files.hpp"
+#include "base/utc_time.hpp"
 #include "map_sources/gdal_access.hpp"
 #include "map_sources/text_in_files.hpp"
 
@@ -23,6 +24,7 @@ using Reference = MissionPoint::Reference;
 constexpr std::uintmax_t kBytesMax = 16U << 20U;
 constexpr double kHeight_m_max = 20'000.0;
 constexpr double kSpeed_mps_max = 1000.0;
+constexpr double kFenceRadius_m_max = 200'000.0;
 constexpr char kKinds[] =
     "a mission is YAML (.yaml), GeoJSON (.geojson), KML (.kml, .kmz), GPX (.gpx), a plan of "
     "QGroundControl (.plan) or QGC WPL 110 (.waypoints)";
@@ -87,6 +89,8 @@ Mission mission_from(std::vector<MissionPoint> points, const fs::path& file) {
 
 // ---- YAML
 
+constexpr char kNoTime[] =
+    "must be a time as ISO 8601 writes it, with its zone: 2026-05-01T06:30:00Z for example";
 constexpr char kNoHeading[] =
     "cannot be kept: only the start has a heading; leave it out, or add a via point that makes the "
     "flight arrive from that side";
@@ -121,11 +125,15 @@ MissionPoint yaml_point(ConfigReader& reader, bool is_start, Mission& mission) {
     }
     mission.start_heading_true_rad = wrap_to_two_pi(reader.required_angle("heading_true_deg"));
   }
-  for (const char* key : {"speed_mps", "time_on_target", "hold_s"}) {
+  if (reader.has("time")) {
+    point.time = parse_utc(reader.required_string("time"));
+    reader.require(point.time.has_value(), "time", kNoTime);
+  }
+  for (const char* key : {"speed_mps", "hold_s"}) {
     if (reader.has(key)) {
       reader.refuse(key,
                     "cannot be kept at one place: a flight has one speed_mps, at the top of the "
-                    "file, and no times");
+                    "file, and does not wait");
     }
   }
   reader.finish();
@@ -151,11 +159,14 @@ Mission read_yaml(const fs::path& file) {
     reader.require(*mission.speed_mps > 0.0 && *mission.speed_mps <= kSpeed_mps_max, "speed_mps",
                    "must be a speed above 0");
   }
-  for (const char* key : {"time_on_target", "areas"}) {
-    if (reader.has(key)) {
-      reader.refuse(key,
-                    "is nothing that a mission can ask for; areas belong to the map (hedgehop "
-                    "prepare --areas), times come with hedgehop export --start-time");
+  if (reader.has("time_tolerance_s")) {
+    mission.time_tolerance_s = reader.required_double("time_tolerance_s");
+    reader.require(mission.time_tolerance_s >= 0.5 && mission.time_tolerance_s <= 3600.0,
+                   "time_tolerance_s", "must lie between 0.5 and 3600");
+  }
+  if (reader.has("areas")) {
+    for (const std::string& name : reader.required_strings("areas")) {
+      mission.areas.push_back({file.parent_path() / name});
     }
   }
   reader.finish();
@@ -164,12 +175,13 @@ Mission read_yaml(const fs::path& file) {
 
 // ---- GeoJSON, KML, GPX
 
-DatasetPointer opened(const fs::path& file, const char* const* drivers) {
+DatasetPointer opened(const fs::path& file, const char* const* drivers,
+                      const char* const* options = nullptr) {
   GDALAllRegister();
   const GdalErrors errors;
   // Absolute, because GDAL takes some names for something else than files.
   DatasetPointer dataset(static_cast<GDALDataset*>(GDALOpenEx(
-      fs::absolute(file).c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY, drivers, nullptr, nullptr)));
+      fs::absolute(file).c_str(), GDAL_OF_VECTOR | GDAL_OF_READONLY, drivers, options, nullptr)));
   if (!dataset) {
     throw DataError(file.string() + ": cannot be read as a mission" +
                         (errors.first().empty() ? "" : ": " + errors.first()),
@@ -212,7 +224,9 @@ class VectorMission {
     is_kml_ = is_kml;
     static const char* const kGeoJson[] = {"GeoJSON", nullptr};
     static const char* const kKml[] = {"LIBKML", "KML", nullptr};
-    const DatasetPointer dataset = opened(file_, is_kml ? kKml : kGeoJson);
+    static const char* const kTimesAsText[] = {"DATE_AS_STRING=YES", nullptr};
+    const DatasetPointer dataset =
+        is_kml ? opened(file_, kKml) : opened(file_, kGeoJson, kTimesAsText);
     {
       const GdalErrors errors;
       for (OGRLayer* layer : dataset->GetLayers()) {
@@ -244,6 +258,9 @@ class VectorMission {
     Mission mission = mission_from(std::move(points), file_);
     mission.start_heading_true_rad = ends.heading_true_rad;
     mission.speed_mps = ends.speed_mps;
+    if (has_polygons_) {
+      mission.areas.push_back({file_, true});
+    }
     return mission;
   }
 
@@ -301,11 +318,15 @@ class VectorMission {
           lines_.push_back(std::move(entry));
           break;
         }
+        case wkbPolygon:
+        case wkbMultiPolygon:
+          has_polygons_ = true;
+          break;
         default:
           refuse(where,
                  std::string("is a ") + geometry->getGeometryName() +
-                     ", a mission consists of points or of one line",
-                 "take it out; areas belong to the map: hedgehop prepare --areas");
+                     ", a mission consists of points or of one line, and of polygons for areas",
+                 "take it out, or make points, a line or polygons of it");
       }
       if (points_.size() > 100 * kMissionPointsMax) {
         (void)mission_from(std::vector<MissionPoint>(points_.size()), file_);
@@ -333,6 +354,13 @@ class VectorMission {
     MissionPoint point;
     point.place = where;
     point.position = position_of(y, x, where);
+    if (const auto text = attribute(feature, "time")) {
+      point.time = parse_utc(*text);
+      if (!point.time) {
+        throw DataError(where + ": its time '" + clean_name(*text) + "' cannot be read",
+                        std::string("it ") + kNoTime);
+      }
+    }
     const auto height = number_attribute(feature, "height_m", where);
     const auto altitude = number_attribute(feature, "altitude_m", where);
     if (height && altitude) {
@@ -391,6 +419,7 @@ class VectorMission {
   std::int64_t features_ = 0;
   std::vector<Entry> points_;
   std::vector<Entry> lines_;
+  bool has_polygons_ = false;
 };
 
 Mission read_gpx(const fs::path& file) {
@@ -616,6 +645,59 @@ bool is_filled(const CPLJSONObject& object, const std::string& name) {
          value.ToArray().Size() > 0;
 }
 
+// A position of QGroundControl: latitude, longitude.
+geo::GeodeticPosition qgc_position(const CPLJSONObject& value, const std::string& where) {
+  const auto is_number = [](const CPLJSONObject& number) {
+    return number.GetType() == CPLJSONObject::Type::Integer ||
+           number.GetType() == CPLJSONObject::Type::Long ||
+           number.GetType() == CPLJSONObject::Type::Double;
+  };
+  if (value.GetType() == CPLJSONObject::Type::Array) {
+    const CPLJSONArray numbers = value.ToArray();
+    if (numbers.Size() == 2 && is_number(numbers[0]) && is_number(numbers[1])) {
+      return position_of(numbers[0].ToDouble(), numbers[1].ToDouble(), where);
+    }
+  }
+  throw DataError(where + " has a corner that is no latitude and longitude",
+                  "write the plan again with QGroundControl");
+}
+
+std::vector<Fence> fences_of(const CPLJSONObject& all, const std::string& where) {
+  using Type = CPLJSONObject::Type;
+  std::vector<Fence> fences;
+  const auto inclusion_of = [](const CPLJSONObject& entry, const std::string& place) {
+    return member(entry, "inclusion", place, {Type::Boolean}).ToBool();
+  };
+  if (is_filled(all, "polygons")) {
+    for (const CPLJSONObject& entry : all.GetArray("polygons")) {
+      Fence fence;
+      fence.place = where + ": fence " + std::to_string(fences.size());
+      fence.is_inclusion = inclusion_of(entry, fence.place);
+      const CPLJSONArray corners = member(entry, "polygon", fence.place, {Type::Array}).ToArray();
+      for (const CPLJSONObject& corner : corners) {
+        fence.outline.push_back(qgc_position(corner, fence.place));
+      }
+      fences.push_back(std::move(fence));
+    }
+  }
+  if (is_filled(all, "circles")) {
+    for (const CPLJSONObject& entry : all.GetArray("circles")) {
+      const std::string place = where + ": fence " + std::to_string(fences.size());
+      const bool is_inclusion = inclusion_of(entry, place);
+      const CPLJSONObject circle = member(entry, "circle", place, {Type::Object});
+      const double radius_m =
+          member(circle, "radius", place, {Type::Integer, Type::Long, Type::Double}).ToDouble();
+      if (!(radius_m > 0.0 && radius_m <= kFenceRadius_m_max)) {
+        throw DataError(place + " has the radius " + number_text(radius_m) + " m", "correct it");
+      }
+      fences.push_back(
+          circle_fence(qgc_position(member(circle, "center", place, {Type::Array}), place),
+                       radius_m, is_inclusion, place));
+    }
+  }
+  return fences;
+}
+
 Mission read_plan(const fs::path& file) {
   using Type = CPLJSONObject::Type;
   const std::string where = file.string();
@@ -630,11 +712,10 @@ Mission read_plan(const fs::path& file) {
   if (root.GetType() != Type::Object || root.GetString("fileType") != "Plan") {
     throw DataError(where + ": is no plan of QGroundControl", kKinds);
   }
-  const CPLJSONObject fence = root.GetObj("geoFence");
-  if (fence.IsValid() && fence.GetType() == Type::Object &&
-      (is_filled(fence, "polygons") || is_filled(fence, "circles"))) {
-    refuse(where, "holds geofences, which belong to the map",
-           "give them to hedgehop prepare --areas as GeoJSON or KML, and take them out here");
+  std::vector<Fence> fences;
+  if (const CPLJSONObject all = root.GetObj("geoFence");
+      all.IsValid() && all.GetType() == Type::Object) {
+    fences = fences_of(all, where);
   }
   const CPLJSONObject mission = member(root, "mission", where, {Type::Object});
   std::optional<double> home_amsl_m;
@@ -677,6 +758,7 @@ Mission read_plan(const fs::path& file) {
     items.push_back(std::move(item));
   }
   Mission read = ItemMission(file, home_amsl_m).read(items);
+  read.fences = std::move(fences);
   const CPLJSONObject rally = root.GetObj("rallyPoints");
   if (rally.IsValid() && rally.GetType() == Type::Object && is_filled(rally, "points")) {
     read.remarks.push_back(where + ": its rally points are not used");

@@ -6,10 +6,10 @@
 
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
+#include "base/utc_time.hpp"
 #include "output/export_writers.hpp"
 #include "output/mcap_file.hpp"
 #include "output/trajectory_columns.hpp"
-#include "output/utc_time.hpp"
 
 namespace hedgehop::output {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "base/utc_time.hpp"
 #include "output/export_writers.hpp"
-#include "output/utc_time.hpp"
 #include "raster/grid.hpp"
 
 namespace hedgehop::output {

@@ -11,6 +11,7 @@
 #include "base/angles.hpp"
 #include "base/errors.hpp"
 #include "base/files.hpp"
+#include "base/utc_time.hpp"
 #include "geo/map_projection.hpp"
 #include "output/json_document.hpp"
 #include "output/trajectory_columns.hpp"
@@ -30,6 +31,11 @@ constexpr std::uintmax_t kTrajectoryBytesMax = 2048U << 20U;
 constexpr std::size_t kWaypointsMax = 1'000'000;
 constexpr std::size_t kViolationsMax = 100'000;
 constexpr std::size_t kLinesMax = 10'000;
+constexpr std::size_t kAreasMax = 10'000;
+constexpr std::size_t kCornersMax = 1'000'000;
+constexpr char kAboveGround[] = "above_ground";
+constexpr char kAmsl[] = "amsl";
+constexpr std::int64_t kTime_us_max = 7'258'118'400'000'000;  // 2200
 constexpr std::int64_t kCountMax = std::numeric_limits<std::int64_t>::max();
 constexpr double kPosition_m_max = 1e8;
 constexpr double kAltitude_m_max = 1e6;
@@ -52,18 +58,67 @@ Json json_of(const flight::RequestPoint& point) {
           {"height_m", optional_json(point.height_m)}};
 }
 
+Json json_of(const flight::RequestAreaEnd& end) {
+  return {{"value_m", std::isfinite(end.value_m) ? Json(end.value_m) : Json()},
+          {"reference", end.is_above_ground ? kAboveGround : kAmsl}};
+}
+
+Json json_of(const flight::RequestArea& area) {
+  const auto ring_of = [](const flight::RequestArea::Ring& ring) {
+    Json list = Json::array();
+    for (const geo::GeodeticPosition& corner : ring) {
+      list.push_back({corner.latitude_rad, corner.longitude_rad});
+    }
+    return list;
+  };
+  Json polygons = Json::array();
+  for (const flight::RequestArea::Polygon& polygon : area.polygons) {
+    Json rings = Json::array({ring_of(polygon.outer)});
+    for (const flight::RequestArea::Ring& hole : polygon.holes) {
+      rings.push_back(ring_of(hole));
+    }
+    polygons.push_back(std::move(rings));
+  }
+  return {{"name", area.name},
+          {"kind", area.kind},
+          {"is_hard", area.is_hard},
+          {"floor", json_of(area.floor)},
+          {"ceiling", json_of(area.ceiling)},
+          {"polygons_latitude_longitude_rad", std::move(polygons)}};
+}
+
 Json json_of(const flight::PlanRequest& request) {
   Json via = Json::array();
   for (const flight::RequestPoint& point : request.via) {
     via.push_back(json_of(point));
   }
-  return {{"start", json_of(request.start)},
-          {"goal", json_of(request.goal)},
-          {"via", std::move(via)},
-          {"start_heading_true_rad", optional_json(request.start_heading_true_rad)},
-          {"speed_mps", optional_json(request.speed_mps)},
-          {"seed", request.seed},
-          {"work_budget", request.work_budget}};
+  Json json = {{"start", json_of(request.start)},
+               {"goal", json_of(request.goal)},
+               {"via", std::move(via)},
+               {"start_heading_true_rad", optional_json(request.start_heading_true_rad)},
+               {"speed_mps", optional_json(request.speed_mps)},
+               {"seed", request.seed},
+               {"work_budget", request.work_budget}};
+  if (!request.areas.empty()) {
+    Json areas = Json::array();
+    for (const flight::RequestArea& area : request.areas) {
+      areas.push_back(json_of(area));
+    }
+    json["areas"] = std::move(areas);
+  }
+  return json;
+}
+
+Json json_of(const flight::Timetable& table) {
+  Json places = Json::array();
+  for (const flight::Timetable::Entry& entry : table.entries) {
+    places.push_back({{"place", entry.place},
+                      {"expected", utc_text(entry.expected)},
+                      {"expected_utime_us", entry.expected.utime_us},
+                      {"wanted", entry.wanted ? Json(utc_text(*entry.wanted)) : Json()},
+                      {"wanted_utime_us", entry.wanted ? Json(entry.wanted->utime_us) : Json()}});
+  }
+  return {{"tolerance_s", table.tolerance_s}, {"places", std::move(places)}};
 }
 
 Json json_of(const flight::Waypoint& waypoint) {
@@ -183,6 +238,81 @@ flight::RequestPoint request_point_of(const Field& field) {
           optional_number(field.at("height_m"))};
 }
 
+flight::RequestAreaEnd area_end_of(const Field& field, double without_end_m) {
+  const std::string reference = field.at("reference").text();
+  if (reference != kAboveGround && reference != kAmsl) {
+    field.at("reference").refuse("must be 'above_ground' or 'amsl'");
+  }
+  const Field value = field.at("value_m");
+  return {value.is_null() ? without_end_m : bounded(value, kPosition_m_max),
+          reference == kAboveGround};
+}
+
+flight::RequestArea::Ring ring_of(const Field& field) {
+  flight::RequestArea::Ring ring;
+  for (const Field& corner : field.entries(kCornersMax)) {
+    const std::vector<Field> numbers = corner.entries(2);
+    if (numbers.size() != 2) {
+      corner.refuse("must hold latitude and longitude");
+    }
+    ring.push_back({bounded(numbers[0], 0.5 * std::numbers::pi + 1e-12),
+                    bounded(numbers[1], std::numbers::pi + 1e-12)});
+  }
+  if (ring.size() < 4) {
+    field.refuse("needs three corners and the first one again");
+  }
+  return ring;
+}
+
+flight::RequestArea area_of(const Field& field) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  flight::RequestArea area;
+  area.name = field.at("name").text();
+  area.kind = field.at("kind").text();
+  area.is_hard = field.at("is_hard").boolean();
+  area.floor = area_end_of(field.at("floor"), -kInfinity);
+  area.ceiling = area_end_of(field.at("ceiling"), kInfinity);
+  for (const Field& rings : field.at("polygons_latitude_longitude_rad").entries(kCornersMax)) {
+    flight::RequestArea::Polygon polygon;
+    for (const Field& ring : rings.entries(kCornersMax)) {
+      auto& into = polygon.outer.empty() ? polygon.outer : polygon.holes.emplace_back();
+      into = ring_of(ring);
+    }
+    if (polygon.outer.empty()) {
+      rings.refuse("has no ring");
+    }
+    area.polygons.push_back(std::move(polygon));
+  }
+  return area;
+}
+
+flight::Timetable timetable_of(const Field& field) {
+  flight::Timetable table;
+  table.tolerance_s = field.at("tolerance_s").number();
+  const auto time_of = [](const Field& entry, const char* key_us, const char* key_text) {
+    const Time time{entry.at(key_us).integer(0, kTime_us_max)};
+    if (entry.at(key_text).text() != utc_text(time)) {
+      entry.at(key_text).refuse("and '" + std::string(key_us) + "' are different times");
+    }
+    return time;
+  };
+  for (const Field& place : field.at("places").entries(kWaypointsMax)) {
+    flight::Timetable::Entry entry;
+    entry.place = static_cast<std::size_t>(
+        place.at("place").integer(static_cast<std::int64_t>(table.entries.size()),
+                                  static_cast<std::int64_t>(table.entries.size())));
+    entry.expected = time_of(place, "expected_utime_us", "expected");
+    if (!place.at("wanted_utime_us").is_null()) {
+      entry.wanted = time_of(place, "wanted_utime_us", "wanted");
+    }
+    table.entries.push_back(entry);
+  }
+  if (table.entries.size() < 2) {
+    field.at("places").refuse("must hold start and goal");
+  }
+  return table;
+}
+
 flight::PlanRequest request_of(const Field& field) {
   flight::PlanRequest request;
   request.start = request_point_of(field.at("start"));
@@ -194,6 +324,11 @@ flight::PlanRequest request_of(const Field& field) {
   request.speed_mps = optional_number(field.at("speed_mps"));
   request.seed = field.at("seed").unsigned_integer();
   request.work_budget = field.at("work_budget").integer(0, kCountMax);
+  if (field.has("areas")) {
+    for (const Field& area : field.at("areas").entries(kAreasMax)) {
+      request.areas.push_back(area_of(area));
+    }
+  }
   return request;
 }
 
@@ -337,6 +472,12 @@ std::size_t read_plan_file(const fs::path& file, flight::Plan& plan) {
   plan.decisions = local.at("decisions").integer(0, kCountMax);
   plan.infeasible_decisions = local.at("infeasible_decisions").integer(0, kCountMax);
   plan.verdict = verdict_of(root.at("verification"));
+  if (root.has("timetable")) {
+    plan.timetable = timetable_of(root.at("timetable"));
+    if (plan.timetable->entries.size() != route_plan.request.via.size() + 2) {
+      root.at("timetable").refuse("does not hold each place of the request");
+    }
+  }
   plan.warnings = texts_of(root.at("warnings"));
   return static_cast<std::size_t>(states);
 }
@@ -493,6 +634,9 @@ std::string plan_json(const flight::Plan& plan) {
   json["request"] = json_of(route_plan.request);
   json["measures"] = json_of(plan.measures);
   json["verification"] = json_of(plan.verdict);
+  if (plan.timetable) {
+    json["timetable"] = json_of(*plan.timetable);
+  }
   json["warnings"] = plan.warnings;
   json["local_planner"] = {{"decisions", plan.decisions},
                            {"infeasible_decisions", plan.infeasible_decisions}};

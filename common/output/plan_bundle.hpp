@@ -23,8 +23,8 @@ flight::Plan read_plan_bundle(const std::filesystem::path& folder);
 /// plan.json: request, map, config, route, costs, measures, verdict and warnings.
 ///
 /// SI units and radians; positions in latitude and longitude stand there twice, in degrees for
-/// people and in radians, exact, for reading back. What is unknown or not finite is null. No times
-/// of day and no run times: the same plan is the same text.
+/// people and in radians, exact, for reading back. What is unknown or not finite is null. No run
+/// times, and no times of day but those of the timetable: the same plan is the same text.
 std::string plan_json(const flight::Plan& plan);
 
 /// The route as GeoJSON after RFC 7946: the planned line, its waypoints, start and goal, and the

@@ -8,6 +8,7 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "base/utc_time.hpp"
 #include "briefing/announcement.hpp"
 #include "geo/map_projection.hpp"
 #include "output/png_image.hpp"
@@ -15,7 +16,6 @@
 #include "output/report_map.hpp"
 #include "output/report_parts.hpp"
 #include "output/report_text.hpp"
-#include "output/utc_time.hpp"
 
 namespace hedgehop::output {
 namespace {
@@ -316,7 +316,31 @@ class Page {
                 : paragraph("No magnetic declination is given (--declination-deg), so there are "
                             "no magnetic headings.",
                             "soft")) +
-           table.finished() + "</section>\n";
+           table.finished() + times() + "</section>\n";
+  }
+
+  [[nodiscard]] std::string times() const {
+    if (!plan_.timetable) {
+      return "";
+    }
+    const flight::Timetable& timetable = *plan_.timetable;
+    const Time departure = timetable.entries.front().expected;
+    Table table("time-table",
+                "Wanted times may be missed by " + fixed_text(timetable.tolerance_s, 1) + " s.");
+    table.head({"place", "wanted (UTC)", "expected (UTC)", "late by"});
+    for (const flight::Timetable::Entry& entry : timetable.entries) {
+      const bool is_goal = entry.place + 1 == timetable.entries.size();
+      const double at_s = seconds_between(departure, entry.expected);
+      table.row({entry.place == 0 ? "start"
+                 : is_goal        ? "goal"
+                                  : "via point " + std::to_string(entry.place),
+                 entry.wanted ? utc_text(*entry.wanted).substr(0, 19) : "",
+                 utc_text(entry.expected).substr(0, 19),
+                 entry.wanted ? fixed_text(seconds_between(*entry.wanted, entry.expected), 1) + " s"
+                              : ""},
+                jump(at_s));
+    }
+    return "<h3>Times</h3>\n" + table.finished();
   }
 
   /// "+2.1 (seen more)": how a side differs from here and by what most.

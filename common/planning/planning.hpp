@@ -35,6 +35,11 @@ struct PlanningConfig {
 /// Throws ConfigError. `name` is what errors call the document.
 PlanningConfig read_planning_config(const std::string& text, const std::string& name);
 
+/// A config that was recorded with a plan, perhaps by an earlier version: keys that it lacks are
+/// taken from the shipped config, since they came with what the earlier version did not do. For
+/// looking at plans, not for making them. Throws ConfigError for keys that are not known any more.
+PlanningConfig read_recorded_config(const std::string& text, const std::string& name);
+
 /// The shipped planning config with the shipped vehicle, overlaid by a user's file (may be empty:
 /// none) and by `key=value` settings.
 std::string effective_planning_config(const std::string& config_file,

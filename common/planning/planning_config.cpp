@@ -160,4 +160,9 @@ std::vector<ConfigOrigin> planning_config_origins(const std::string& config_file
   return origins;
 }
 
+PlanningConfig read_recorded_config(const std::string& text, const std::string& name) {
+  return read_planning_config(
+      overlay_config(effective_planning_config("", {}), kShippedName, text, name), name);
+}
+
 }  // namespace hedgehop::planning

@@ -67,4 +67,15 @@ Areas areas_of(const map_sources::AirspaceList& list, const raster::GridGeometry
   return result;
 }
 
+Areas read_areas(const map_sources::AreaFiles& files, const std::vector<map_sources::Fence>& fences,
+                 const geo::MapProjection& projection, const raster::GridGeometry& geometry,
+                 const AreaOptions& options, Observer& observer) {
+  const geo::GeodeticBox region = raster::geodetic_box(geometry, projection);
+  map_sources::AirspaceList list = map_sources::read_areas(files, projection, region, observer);
+  for (auto& area : map_sources::areas_of_fences(fences, projection, region)) {
+    list.areas.push_back(std::move(area));
+  }
+  return areas_of(list, geometry, options);
+}
+
 }  // namespace hedgehop::preparation

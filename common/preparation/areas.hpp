@@ -23,4 +23,10 @@ struct Areas {
 Areas areas_of(const map_sources::AirspaceList& list, const raster::GridGeometry& geometry,
                const AreaOptions& options);
 
+/// Reads areas and fences for a map: map_sources::read_areas(), areas_of_fences() and areas_of().
+/// Throws what they throw.
+Areas read_areas(const map_sources::AreaFiles& files, const std::vector<map_sources::Fence>& fences,
+                 const geo::MapProjection& projection, const raster::GridGeometry& geometry,
+                 const AreaOptions& options, Observer& observer);
+
 }  // namespace hedgehop::preparation

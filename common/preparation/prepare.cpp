@@ -156,25 +156,6 @@ raster::Grid<T> cut_out(const raster::Grid<T>& grid, const raster::GridGeometry&
   return result;
 }
 
-geo::GeodeticBox box_of(const raster::GridGeometry& g, const geo::MapProjection& projection) {
-  geo::GeodeticBox box{1e9, 1e9, -1e9, -1e9};
-  constexpr int kSteps = 32;
-  for (int i = 0; i <= kSteps; ++i) {
-    const double x_m = g.west_m + (g.east_m() - g.west_m) * i / kSteps;
-    const double y_m = g.south_m + (g.north_m() - g.south_m) * i / kSteps;
-    for (const geo::MapPoint& point :
-         {geo::MapPoint{x_m, g.south_m}, geo::MapPoint{x_m, g.north_m()},
-          geo::MapPoint{g.west_m, y_m}, geo::MapPoint{g.east_m(), y_m}}) {
-      const geo::GeodeticPosition position = projection.to_geodetic(point);
-      box.west_rad = std::min(box.west_rad, position.longitude_rad);
-      box.east_rad = std::max(box.east_rad, position.longitude_rad);
-      box.south_rad = std::min(box.south_rad, position.latitude_rad);
-      box.north_rad = std::max(box.north_rad, position.latitude_rad);
-    }
-  }
-  return box;
-}
-
 bool touches(const map::OverheadLine& line, const raster::GridGeometry& g) {
   double west_m = 1e18, south_m = 1e18, east_m = -1e18, north_m = -1e18;
   for (const map::OverheadLine::Support& support : line.supports) {
@@ -425,7 +406,7 @@ RegionGrids region_grids(const PrepareRequest& request, const PrepareOptions& op
   raster::GridGeometry wide = whole;
   wide = {wide.west_m - margin * cell_m, wide.south_m - margin * cell_m, cell_m,
           wide.columns + 2 * margin, wide.rows + 2 * margin};
-  const geo::GeodeticBox near = intersection(box_of(wide, projection), elevation_box);
+  const geo::GeodeticBox near = intersection(raster::geodetic_box(wide, projection), elevation_box);
   grids.whole_working =
       with_margin(whole, margin, grid_around(near, projection, cell_m, kTiledCellsMax));
   // What is done at a raster's rim, void cells filled in for instance, must not reach a tile's
@@ -518,7 +499,7 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
 
   map_sources::LandUse land_use;
   // Settlements are sorted by their whole size, so that each tile needs all of them.
-  const geo::GeodeticBox working_box = box_of(whole_working, projection);
+  const geo::GeodeticBox working_box = raster::geodetic_box(whole_working, projection);
   Json vector_findings = Json::array();
   if (!request.osm_files.empty() || !request.vectors.empty()) {
     // Settlements beyond the border have rings that reach in.
@@ -588,9 +569,11 @@ PreparedMap prepare(const PrepareRequest& request, const PrepareOptions& options
   }
   Json areas_left_out = Json::object();
   if (!request.area_files.empty()) {
-    const map_sources::AirspaceList list = map_sources::read_areas(
-        request.area_files, projection, box_of(map.geometry, projection), observer);
-    Areas areas = areas_of(list, map.geometry, options.areas);
+    map_sources::AreaFiles files;
+    for (const fs::path& path : request.area_files) {
+      files.push_back({path});
+    }
+    Areas areas = read_areas(files, {}, projection, map.geometry, options.areas, observer);
     map.areas = std::move(areas.areas);
     for (const fs::path& path : request.area_files) {
       inputs.push_back(input_of(path, "areas", observer));

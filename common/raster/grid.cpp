@@ -49,4 +49,23 @@ double max_within(const Grid<float>& grid, const geo::MapPoint& centre, double r
   return greatest;
 }
 
+geo::GeodeticBox geodetic_box(const GridGeometry& g, const geo::MapProjection& projection) {
+  geo::GeodeticBox box{1e9, 1e9, -1e9, -1e9};
+  constexpr int kSteps = 32;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double x_m = g.west_m + (g.east_m() - g.west_m) * i / kSteps;
+    const double y_m = g.south_m + (g.north_m() - g.south_m) * i / kSteps;
+    for (const geo::MapPoint& point :
+         {geo::MapPoint{x_m, g.south_m}, geo::MapPoint{x_m, g.north_m()},
+          geo::MapPoint{g.west_m, y_m}, geo::MapPoint{g.east_m(), y_m}}) {
+      const geo::GeodeticPosition position = projection.to_geodetic(point);
+      box.west_rad = std::min(box.west_rad, position.longitude_rad);
+      box.east_rad = std::max(box.east_rad, position.longitude_rad);
+      box.south_rad = std::min(box.south_rad, position.latitude_rad);
+      box.north_rad = std::max(box.north_rad, position.latitude_rad);
+    }
+  }
+  return box;
+}
+
 }  // namespace hedgehop::raster

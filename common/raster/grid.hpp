@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/errors.hpp"
+#include "geo/geodetic_box.hpp"
 #include "geo/map_projection.hpp"
 
 namespace hedgehop::raster {
@@ -49,6 +50,10 @@ struct GridGeometry {
     return {west_m + (cell.column + 0.5) * cell_m, south_m + (cell.row + 0.5) * cell_m};
   }
 };
+
+/// The parallels and meridians that hold a grid, from 33 points on each of its edges; a bulge
+/// between them of some metres is not in it.
+geo::GeodeticBox geodetic_box(const GridGeometry& geometry, const geo::MapProjection& projection);
 
 /// A raster in memory, row by row from the south. T is float for heights (NaN = unknown) or an
 /// integer type.

@@ -412,11 +412,41 @@ void check_request(const map::Map& map, const flight::RoutePlan& plan,
   check_waypoint(plan.route.waypoints.back(), plan.goal);
 }
 
+// Whether the flight is at its places when the timetable says so.
+void check_timetable(const flight::Plan& plan, const std::vector<geo::MapPoint>& via,
+                     const Demands& demands, FigureCheck& check, Findings& findings) {
+  const auto& states = plan.trajectory.states;
+  const auto& entries = plan.timetable->entries;
+  if (entries.size() != via.size() + 2) {
+    findings.add("timetable.places", kNan, {kNan, kNan}, static_cast<double>(entries.size()),
+                 static_cast<double>(via.size() + 2));
+    return;
+  }
+  const Time departure = entries.front().expected;
+  check.compare("timetable.arrival_s", seconds_between(departure, entries.back().expected),
+                states.back().time_s - states.front().time_s, kMeasure_m);
+  for (std::size_t i = 0; i < via.size(); ++i) {
+    const double time_s =
+        states.front().time_s + seconds_between(departure, entries[i + 1].expected);
+    const auto after = std::lower_bound(
+        states.begin(), states.end(), time_s - 0.5 * plan.trajectory.step_s,
+        [](const flight::FlightState& state, double time) { return state.time_s < time; });
+    const double missed_m = after == states.end() ? kNan : distance_m(after->point(), via[i]);
+    if (!(missed_m <= demands.via_radius_m)) {
+      findings.add("timetable.via", time_s, via[i], missed_m, demands.via_radius_m);
+    }
+  }
+}
+
 }  // namespace
 
 void check_figures(const map::Map& map, const flight::Plan& plan, const CostRules& rules,
-                   const Demands& demands, const flight::Verdict& verdict, Findings& findings) {
+                   const std::vector<geo::MapPoint>& via, const Demands& demands,
+                   const flight::Verdict& verdict, Findings& findings) {
   FigureCheck check(findings);
+  if (plan.timetable && plan.trajectory.states.size() >= 2) {
+    check_timetable(plan, via, demands, check, findings);
+  }
   PathSums sums(map, rules);
   const flight::Route& route = plan.route_plan.route;
   if (route.waypoints.size() >= 2) {

@@ -81,14 +81,16 @@ class PathSums {
 /// the map. A rule is the path of the field: `route.cost.visibility_m`, `measures.length_m`,
 /// `verification.clearance_min_m`, ...; besides, `request.start` and `request.goal` (the ends of
 /// the route are the places asked for), `request.start_heading_true_rad` (as flown),
-/// `route.waypoints` (the route begins and ends there) and `route.lower_bound_m` (no more than the
-/// route costs; what it is cannot be said from here).
+/// `route.waypoints` (the route begins and ends there), `route.lower_bound_m` (no more than the
+/// route costs; what it is cannot be said from here), and of a timetable its places, the time to
+/// the goal and `timetable.via` (how far from a via point the flight is when it should be there).
 ///
 /// Tolerances: costs eight standard deviations (see PathSums::route_cost()), 1e-4 of their value
 /// and 0.1 m, which together come to 0.2 % in most plans; measures 1e-5 of the value and 1 mm;
 /// shares and angles 1e-6; altitudes and places of the ends 1 cm.
 /// @param verdict  of the same plan, found here
 void check_figures(const map::Map& map, const flight::Plan& plan, const CostRules& rules,
-                   const Demands& demands, const flight::Verdict& verdict, Findings& findings);
+                   const std::vector<geo::MapPoint>& via, const Demands& demands,
+                   const flight::Verdict& verdict, Findings& findings);
 
 }  // namespace hedgehop::verification

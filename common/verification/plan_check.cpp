@@ -43,8 +43,8 @@ PlanCheck check_plan(const map::Map& map, const flight::Plan& plan,
   check.verdict =
       verify(map, plan.trajectory, route_plan.start, via, route_plan.goal, limits, demands);
   Findings findings;
-  check_figures(map, plan, read_cost_rules(route_plan.config_text, name), demands, check.verdict,
-                findings);
+  check_figures(map, plan, read_cost_rules(route_plan.config_text, name), via, demands,
+                check.verdict, findings);
   check_trajectory_file(trajectory_csv, projection ? &*projection : nullptr, plan.trajectory.states,
                         findings);
   check.verdict.violation_count += findings.count();
@@ -70,7 +70,7 @@ std::string_view unit_of(std::string_view rule) {
                                               {"_mps", "m/s"},
                                               {"_rad", "rad"},
                                               {"_m", "m"}}};
-  constexpr std::array<Entry, 33> kRules = {{{"clearance", "m"},
+  constexpr std::array<Entry, 34> kRules = {{{"clearance", "m"},
                                              {"wire_clearance", "m"},
                                              {"obstacle_clearance", "m"},
                                              {"no_fly_area", "m"},
@@ -85,6 +85,7 @@ std::string_view unit_of(std::string_view rule) {
                                              {"start", "m"},
                                              {"goal", "m"},
                                              {"via", "m"},
+                                             {"timetable.via", "m"},
                                              {"surface_column", "m"},
                                              {"terrain_column", "m"},
                                              {"convergence_column", "rad"},

@@ -604,6 +604,35 @@ class Interrupted(CliTest):
         self.assertTrue(1 <= found["drawn"] < 120, found["drawn"])
         self.assertEqual(len(found["problems"]), found["drawn"])
 
+    def test_every_evaluation_that_is_stopped_tells_what_it_has(self):
+        area = self.work / "area"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        on_area = ["--map", area, "--seed", "1"]
+        for verb, arguments, stage, least, found_of, whole in (
+                ("local-speed", ["--length", "2000", "--repeats", "1", "--reference-repeats", "1"], "local speed", 10,
+                 lambda json: len(json["rows"]), 31),
+                ("protection", [*on_area, "--cells", "2000"], "brute force", 10, lambda json: json["error"]["cells"], 2000),
+                ("sensitivity", [*on_area, "--runs", "2", "--parameters", "local.window_m"], "values", 10, lambda json: len(json["rows"]), 6),
+                ("table3", [*on_area, "--runs", "6", "--budget-s", "0.5"], "the paper's framework and its baseline", 10,
+                 lambda json: json["solved"], 6)):
+            with self.subTest(verb=verb):
+                process = subprocess.Popen([HEDGEHOP, "evaluate", verb, *map(str, arguments), "--json"], stdout=subprocess.PIPE,
+                                           stderr=subprocess.PIPE, text=True, env=self.environment(), cwd=self.work)
+                told = []
+                for line in process.stderr:
+                    told.append(line)
+                    match = re.match(re.escape(stage) + r": (\d+) %", line)
+                    if match and int(match.group(1)) >= least:
+                        process.send_signal(signal.SIGINT)
+                        break
+                out, rest = process.communicate(timeout=100)
+                self.assertEqual(process.returncode, 4, "".join(told) + rest)
+                self.assertIn("stopped early", rest)
+                found = json.loads(out)
+                self.assertTrue(found["is_stopped"])
+                self.assertTrue(1 <= found_of(found) < whole, found_of(found))
+
     def test_sigterm_stops_as_ctrl_c_does(self):
         stage = self.stages(self.prepare(self.hgt))[0]
         shutil.rmtree(self.work / "map")
@@ -1458,6 +1487,91 @@ class Missions(CliTest):
         self.assertIn(result.returncode, (0, 4), result.stderr)
         self.assertIn("note: ", result.stderr)
         self.assertIn("take-off", result.stderr)
+
+
+    def test_areas_of_a_mission_are_flown_around_and_stay_with_the_plan(self):
+        free = self.planned("free", "--start", START, "--goal", GOAL)
+        track = json.loads((free / "route.geojson").read_text())["features"][1]["geometry"]["coordinates"]
+        east, north = track[len(track) // 2][:2]
+        square = [[east + dx, north + dy] for dx, dy in ((-.006, -.004), (.006, -.004), (.006, .004), (-.006, .004), (-.006, -.004))]
+        feature = {"type": "Feature", "properties": {"name": "fair"}, "geometry": {"type": "Polygon", "coordinates": [square]}}
+        (self.work / "today.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+        mission = self.write("m.yaml", "start: {latitude_deg: 49.51, longitude_deg: 11.42}\n"
+                                       "goal: {latitude_deg: 49.57, longitude_deg: 11.50}\nareas: [today.geojson]\n")
+        plan = self.planned("around", "--mission", mission)
+        found = json.loads((plan / "plan.json").read_text())
+        self.assertNotEqual(found["map"]["hash"], json.loads((free / "plan.json").read_text())["map"]["hash"])
+        self.assertEqual([area["name"] for area in found["request"]["areas"]], ["fair"])
+        for longitude, latitude, *_ in json.loads((plan / "route.geojson").read_text())["features"][1]["geometry"]["coordinates"]:
+            self.assertFalse(abs(longitude - east) < .006 and abs(latitude - north) < .004, (longitude, latitude))
+        verdict = self.hedgehop("verify", plan, "--map", self.map, "--json")
+        self.assertIn(verdict.returncode, (0, 4), verdict.stderr)
+        self.assertNotIn("no_fly_area", verdict.stdout.split('"margins"')[0])
+        self.assertEqual(self.hedgehop("report", plan, "--map", self.map, "--no-figures").returncode, 0)
+        self.assertEqual(self.hedgehop("export", plan, "--map", self.map, "--format", "qgc", "--out", self.work / "files").returncode, 0)
+        # The same flight as one of a ground station that must not leave its fence.
+        item = {"type": "SimpleItem", "autoContinue": True, "frame": 10, "command": 16}
+        corners = [[49.45, 11.35], [49.45, 11.6], [49.65, 11.6], [49.65, 11.35]]
+        qgc = {"fileType": "Plan", "version": 1, "mission": {"version": 2, "items": [
+            {**item, "params": [0, 0, 0, None, *inputs.START, 40]}, {**item, "params": [0, 0, 0, None, *inputs.GOAL, 40]}]},
+            "geoFence": {"version": 2, "circles": [], "polygons": [{"inclusion": True, "version": 1, "polygon": corners}]}}
+        self.planned("fenced", "--mission", self.write("fenced.plan", json.dumps(qgc)))
+        # An area around the goal is named; another file is not taken for the one that was planned with.
+        corners[0] = corners[1] = [49.5, 11.45]
+        qgc["geoFence"]["polygons"][0]["polygon"] = [[49.5, 11.4], [49.5, 11.45], [49.53, 11.45], [49.53, 11.4]]
+        result = self.hedgehop("plan", "--map", self.map, "--mission", self.write("outside.plan", json.dumps(qgc)), "--out",
+                               self.work / "outside")
+        self.assertEqual(result.returncode, 3, result.stderr)
+        self.assertIn("goal_inside_area", result.stderr)
+        text = (plan / "plan.json").read_text()
+        (plan / "plan.json").write_text(text.replace('"name": "fair"', '"name": "fare"'))
+        result = self.hedgehop("verify", plan, "--map", self.map)
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("with the areas of the plan", result.stderr)
+        (plan / "plan.json").write_text(text)
+        result = self.hedgehop("request", "--mission", mission, "--out", self.work / "bus")
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("patch add area", result.stderr)
+
+    def test_times_fix_departure_and_speed(self):
+        ends = ("--start", START, "--goal", GOAL)
+        result = self.hedgehop("plan", "--map", self.map, *ends, "--work", WORK, "--out", self.work / "one", "--arrival",
+                               "2026-05-01T08:30:00+02:00", "--json")
+        self.assertIn(result.returncode, (0, 4), result.stderr)
+        one = json.loads(result.stdout)
+        self.assertEqual(one["arrival"], "2026-05-01T06:30:00.000Z")
+        self.assertIs(one["is_on_time"], True)
+        took = one["duration_s"]
+        minutes, seconds = divmod(1800 - took, 60)
+        self.assertTrue(one["departure"].startswith("2026-05-01T06:%02d:%02d" % (minutes, seconds)), one["departure"])
+        self.assertEqual(self.hedgehop("verify", self.work / "one", "--map", self.map).returncode, result.returncode)
+        # 10 % less time: faster, within 5 s
+        arrival = "2026-05-01T06:%02d:%02dZ" % divmod(round(.9 * took), 60)
+        times = ("--departure", "2026-05-01T06:00Z", "--arrival", arrival)
+        result = self.hedgehop("plan", "--map", self.map, *ends, "--work", WORK, "--out", self.work / "two", *times, "--json")
+        self.assertIn(result.returncode, (0, 4), result.stderr)
+        two = json.loads(result.stdout)
+        self.assertIs(two["is_on_time"], True)
+        self.assertAlmostEqual(two["duration_s"], .9 * took, delta=5.6)
+        self.assertGreater(json.loads((self.work / "two" / "plan.json").read_text())["request"]["speed_mps"], 41)
+        # exports and report count from the departure
+        self.assertEqual(self.hedgehop("export", self.work / "two", "--format", "gpx", "--out", self.work / "files").returncode, 0)
+        self.assertIn(two["departure"][:16], (self.work / "files" / "flight.gpx").read_text())
+        self.assertEqual(self.hedgehop("report", self.work / "two", "--map", self.map, "--no-figures").returncode, 0)
+        page = (self.work / "two" / "report.html").read_text()
+        self.assertIn("<h3>Times</h3>", page)
+        self.assertIn("Take-off at " + two["departure"][:19] + "Z", page)
+        # no helicopter is that fast
+        result = self.hedgehop("plan", "--map", self.map, *ends, "--work", WORK, "--out", self.work / "three", "--departure",
+                               "2026-05-01T06:00Z", "--arrival", "2026-05-01T06:01Z", "--json")
+        self.assertEqual(result.returncode, 4, result.stderr)
+        self.assertIs(json.loads(result.stdout)["is_on_time"], False)
+        self.assertIn("flies no faster", result.stderr)
+        # what contradicts itself
+        self.assert_refused(["plan", "--map", self.map, *ends, *times, "--speed-mps", "30", "--out", self.work / "four"], 2,
+                            ["speed"], advice="leave out")
+        self.assert_refused(["plan", "--map", self.map, *ends, "--arrival", "tomorrow", "--out", self.work / "four"], 2,
+                            ["--arrival", "tomorrow"], advice="2026")
 
 
 class OverTheBus(CliTest):

@@ -42,7 +42,7 @@ TEST(ProtectionEvaluation, ComparesWithBruteForceAndWithGdal) {
   EXPECT_LE(result.error.p95_abs, result.error.max_abs);
   EXPECT_LE(std::fabs(result.error.bias), result.error.mean_abs);
   EXPECT_LE(result.gdal_mean_abs_error, 0.03);
-  EXPECT_TRUE(result.is_update_exact);
+  EXPECT_EQ(result.is_update_exact, true);
   ASSERT_EQ(result.exposure_errors.size(), 4U);
   for (const ErrorStatistics& error : result.exposure_errors) {
     EXPECT_EQ(error.cells, 4);

@@ -1,5 +1,6 @@
 #include "map_sources/area_source.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <gdal_priv.h>
@@ -7,9 +8,11 @@
 #include <gtest/gtest.h>
 #include <limits>
 #include <ogrsf_frmts.h>
+#include <random>
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "support/fresh_seed.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace hedgehop::map_sources {
@@ -28,7 +31,7 @@ class AreaFiles : public testing::Test {
   }
   AirspaceList read(const fs::path& path) const {
     SilentObserver observer;
-    return read_areas({path}, projection_, region_, observer);
+    return read_areas({{path}}, projection_, region_, observer);
   }
   std::string refusal_of(const fs::path& path) const {
     try {
@@ -215,6 +218,110 @@ TEST_F(AreaFiles, WhatCannotBeMeantIsRefusedWithItsFeature) {
       refusal_of(write("g.geojson",
                        collection(feature("", "[[[500, 50], [501, 50], [501, 51], [500, 50]]]")))),
       HasSubstr("not on the globe"));
+}
+
+TEST_F(AreaFiles, WhatIsNoPolygonIsSkippedWhereItMayBe) {
+  const fs::path file = write(
+      "mission.geojson", collection(feature("", "[11.02, 50.02]", "Point") + "," +
+                                    feature(R"("name": "range", "hard": true)", kSquare) + "," +
+                                    feature("", "[[11.02, 50.02], [11.04, 50.04]]", "LineString")));
+  EXPECT_NE(refusal_of(file), "");
+  SilentObserver observer;
+  const AirspaceList list = read_areas({{file, true}}, projection_, region_, observer);
+  ASSERT_EQ(list.areas.size(), 1U);
+  EXPECT_EQ(list.areas[0].name, "range");
+  EXPECT_EQ(list.record_count, 1);
+}
+
+// Whether a point lies in one of the polygons, by counting crossings.
+bool holds(const std::vector<MapPolygon>& polygons, const geo::MapPoint& point) {
+  const auto crosses = [&](const MapLine& ring) {
+    bool is_inside = false;
+    for (std::size_t i = 1; i < ring.size(); ++i) {
+      const geo::MapPoint& a = ring[i - 1];
+      const geo::MapPoint& b = ring[i];
+      if ((a.y_m > point.y_m) != (b.y_m > point.y_m) &&
+          point.x_m < a.x_m + (point.y_m - a.y_m) / (b.y_m - a.y_m) * (b.x_m - a.x_m)) {
+        is_inside = !is_inside;
+      }
+    }
+    return is_inside;
+  };
+  return std::any_of(polygons.begin(), polygons.end(), [&](const MapPolygon& polygon) {
+    return crosses(polygon.outer) &&
+           std::none_of(polygon.holes.begin(), polygon.holes.end(), crosses);
+  });
+}
+
+TEST_F(AreaFiles, FencesForbidTheirInsideOrTheirOutside) {
+  const auto at = [](double latitude_deg, double longitude_deg) {
+    return geo::GeodeticPosition{radians_from_degrees(latitude_deg),
+                                 radians_from_degrees(longitude_deg)};
+  };
+  // An inclusion that goes beyond the region in the north, and an exclusion inside of it.
+  const Fence inclusion{
+      true, {at(50.02, 11.02), at(50.02, 11.08), at(50.5, 11.08), at(50.5, 11.02)}, "a"};
+  const Fence exclusion{
+      false,
+      {at(50.04, 11.04), at(50.04, 11.06), at(50.06, 11.06), at(50.06, 11.04), at(50.04, 11.04)},
+      "b"};
+  const auto areas = areas_of_fences({inclusion, exclusion}, projection_, region_);
+  ASSERT_EQ(areas.size(), 2U);
+  for (const AirspaceArea& area : areas) {
+    EXPECT_EQ(area.is_hard, true);
+    EXPECT_EQ(area.floor.value_m, -kInfinity);
+    EXPECT_EQ(area.ceiling.value_m, kInfinity);
+  }
+  std::mt19937_64 generator(test::fresh_seed());
+  std::uniform_real_distribution<double> north(50.0, 50.1);
+  std::uniform_real_distribution<double> east(11.0, 11.1);
+  for (int i = 0; i < 2000; ++i) {
+    const double latitude = north(generator);
+    const double longitude = east(generator);
+    const bool is_in_a = latitude > 50.02 && longitude > 11.02 && longitude < 11.08;
+    const bool is_in_b =
+        latitude > 50.04 && latitude < 50.06 && longitude > 11.04 && longitude < 11.06;
+    EXPECT_EQ(holds(areas[0].polygons, at_deg(latitude, longitude)), !is_in_a)
+        << latitude << "," << longitude;
+    EXPECT_EQ(holds(areas[1].polygons, at_deg(latitude, longitude)), is_in_b)
+        << latitude << "," << longitude;
+  }
+  EXPECT_THROW((void)areas_of_fences({{true, {at(50, 11)}, "c"}}, projection_, region_), DataError);
+}
+
+TEST_F(AreaFiles, CircleAsAFencePermitsNothingThatTheCircleDoesNot) {
+  std::mt19937_64 generator(test::fresh_seed());
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  for (int i = 0; i < 20; ++i) {
+    // UTM lengths are true to 0.4 to 1 parts in a thousand; near the centre of the zone 0.9996.
+    const geo::GeodeticPosition centre{radians_from_degrees(50.0 + 0.1 * unit(generator)),
+                                       radians_from_degrees(8.9 + 0.2 * unit(generator))};
+    const double radius_m = 50.0 + 5000.0 * unit(generator);
+    const geo::MapPoint middle = projection_.to_map(centre);
+    for (const bool is_inclusion : {false, true}) {
+      const Fence fence = circle_fence(centre, radius_m, is_inclusion, "circle");
+      std::vector<geo::MapPoint> corners;
+      for (const geo::GeodeticPosition& corner : fence.outline) {
+        corners.push_back(projection_.to_map(corner));
+      }
+      corners.push_back(corners.front());
+      for (std::size_t k = 1; k < corners.size(); ++k) {
+        for (const double t : {0.0, 0.25, 0.5, 0.75}) {
+          const double dx_m =
+              corners[k - 1].x_m + t * (corners[k].x_m - corners[k - 1].x_m) - middle.x_m;
+          const double dy_m =
+              corners[k - 1].y_m + t * (corners[k].y_m - corners[k - 1].y_m) - middle.y_m;
+          const double reach_m = std::hypot(dx_m, dy_m) / 0.9996;
+          EXPECT_NEAR(reach_m, radius_m, 2e-3 * radius_m);
+          if (is_inclusion) {
+            EXPECT_LE(reach_m, radius_m * (1.0 + 2e-6));
+          } else {
+            EXPECT_GE(reach_m, radius_m * (1.0 - 2e-6));
+          }
+        }
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -88,6 +88,25 @@ TEST_F(MissionFiles, ShippedExampleIsRead) {
   EXPECT_TRUE(mission.speed_mps);
 }
 
+TEST_F(MissionFiles, YamlHoldsTimesAndTheAreasThatLieBesideIt) {
+  std::string text = replaced(kYaml, "longitude_deg: 11.57",
+                              "longitude_deg: 11.57, time: "
+                              "2026-05-01T08:30:02+02:00");
+  text = replaced(text, "longitude_deg: 11.4,", "longitude_deg: 11.4, time: 2026-05-01T06:20Z,");
+  text += "time_tolerance_s: 2.5\nareas: [today.geojson, /far/away.kml]\n";
+  const Mission mission = read("m.yaml", text);
+  // 56 years with 14 leap days, then January to April: 20,574 days since 1970
+  constexpr std::int64_t kDay_us = 20'574LL * 86'400'000'000LL;
+  EXPECT_EQ(mission.start.time->utime_us, kDay_us + (6 * 60 + 20) * 60'000'000LL);
+  EXPECT_EQ(mission.goal.time->utime_us, kDay_us + (6 * 60 + 30) * 60'000'000LL + 2'000'000LL);
+  EXPECT_FALSE(mission.via[0].time);
+  EXPECT_EQ(mission.time_tolerance_s, 2.5);
+  ASSERT_EQ(mission.areas.size(), 2U);
+  EXPECT_EQ(mission.areas[0].path, folder_.path() / "today.geojson");
+  EXPECT_EQ(mission.areas[1].path, "/far/away.kml");
+  EXPECT_FALSE(mission.areas[0].others_are_skipped);
+}
+
 TEST_F(MissionFiles, YamlThatCannotBeKeptIsRefusedWithItsLine) {
   struct Case {
     const char* from;
@@ -100,8 +119,10 @@ TEST_F(MissionFiles, YamlThatCannotBeKeptIsRefusedWithItsLine) {
            Case{"11.57}", "11.57, heading_true_deg: 3}",
                 "m.yaml:5: 'goal.heading_true_deg' cannot"},
            Case{"11.45}", "11.45, speed_mps: 3}", "m.yaml:3: 'via[0].speed_mps' cannot"},
-           Case{"11.57}", "11.57, time_on_target: 06:30}", "'goal.time_on_target' cannot"},
-           Case{"speed_mps: 35", "speed_mps: 35\nareas: [x]", "m.yaml:7: 'areas' is nothing"},
+           Case{"11.57}", "11.57, time: 06:30}", "m.yaml:5: 'goal.time' must be a time as ISO"},
+           Case{"11.57}", "11.57, time: 2026-05-01T06:30}", "'goal.time' must be a time"},
+           Case{"speed_mps: 35", "time_tolerance_s: 0", "'time_tolerance_s' must lie between"},
+           Case{"speed_mps: 35", "speed_mps: 35\nareas: x", "m.yaml:7: 'areas'"},
            Case{"speed_mps: 35", "speed_mps: 0", "m.yaml:6: 'speed_mps' must be a speed"},
            Case{"altitude_m: 512.5", "altitude_m: 512.5, height_m: 20", "stands beside height_m"},
            Case{"latitude_deg: 49.9,", "latitude_deg: 99.9,", "'start.latitude_deg' must lie in"},
@@ -173,6 +194,20 @@ TEST_F(MissionFiles, GeoJsonPositionWhoseThirdNumberIsZeroHasNoHeight) {
   expect_height(mission.goal, 600.0, Reference::kEllipsoid);
 }
 
+TEST_F(MissionFiles, GeoJsonPolygonsAreAreasAndPointsHaveTimes) {
+  const Mission mission = read(
+      "m.json", geojson(point("11.4,49.9") + "," +
+                        feature(R"({"type":"Polygon","coordinates":[[[0,0],[1,0],[1,1],[0,0]]]})") +
+                        "," + point("11.6,50", R"({"time":"1970-01-02T00:00Z"})")));
+  expect_at(mission.goal, 50.0, 11.6);
+  EXPECT_EQ(mission.goal.time->utime_us, 86'400'000'000LL);
+  EXPECT_FALSE(mission.start.time);
+  ASSERT_EQ(mission.areas.size(), 1U);
+  EXPECT_EQ(mission.areas[0].path, folder_.path() / "m.json");
+  EXPECT_TRUE(mission.areas[0].others_are_skipped);
+  EXPECT_TRUE(read("n.json", geojson(point("11.4,49.9") + "," + point("11.6,50"))).areas.empty());
+}
+
 TEST_F(MissionFiles, GeoJsonThatIsNoMissionIsRefused) {
   const std::string line =
       feature(R"({"type":"LineString","coordinates":[[11.4,49.9],[11.6,50]]})");
@@ -185,9 +220,11 @@ TEST_F(MissionFiles, GeoJsonThatIsNoMissionIsRefused) {
   EXPECT_THAT(
       refusal<UsageError>(
           "m.json",
-          geojson(ends + "," +
-                  feature(R"({"type":"Polygon","coordinates":[[[0,0],[1,0],[1,1],[0,0]]]})"))),
-      HasSubstr("POLYGON"));
+          geojson(ends + "," + feature(R"({"type":"MultiPoint","coordinates":[[0,0],[1,0]]})"))),
+      HasSubstr("MULTIPOINT"));
+  EXPECT_THAT(refusal<DataError>("m.json", geojson(point("11.4,49.9", R"({"time":"soon"})") + "," +
+                                                   point("11.6,50"))),
+              HasSubstr("its time 'soon' cannot be read"));
   EXPECT_THAT(refusal<UsageError>("m.json", geojson(point("11.4,49.9") + "," +
                                                     point("11.6,50", R"({"heading_true_deg":4})"))),
               HasSubstr("feature 1 (counted from 0) has a heading"));
@@ -292,6 +329,22 @@ TEST_F(MissionFiles, QgcPlanKeepsFramesSpeedTakeOffAndLanding) {
   EXPECT_THAT(mission.remarks[1], HasSubstr("item 5: the landing itself is not planned"));
 }
 
+TEST_F(MissionFiles, QgcPlanKeepsItsGeofences) {
+  const Mission mission = read(
+      "m.plan", qgc_plan(item(16, 0, "0,0,0,null,49.9,11.4,450") + "," +
+                             item(16, 0, "0,0,0,null,50,11.6,450"),
+                         R"("geoFence":{"version":2,"circles":[{"inclusion":false,"version":1,)"
+                         R"("circle":{"center":[49.95,11.5],"radius":500}}],)"
+                         R"("polygons":[{"inclusion":true,"version":1,)"
+                         R"("polygon":[[49.8,11.3],[49.8,11.7],[50.1,11.7]]}]},)"));
+  ASSERT_EQ(mission.fences.size(), 2U);
+  EXPECT_TRUE(mission.fences[0].is_inclusion);
+  ASSERT_EQ(mission.fences[0].outline.size(), 3U);
+  EXPECT_NEAR(degrees_from_radians(mission.fences[0].outline[2].latitude_rad), 50.1, 1e-12);
+  EXPECT_FALSE(mission.fences[1].is_inclusion);
+  EXPECT_GT(mission.fences[1].outline.size(), 8U);
+}
+
 TEST_F(MissionFiles, QgcPlanThatCannotBeKeptIsRefusedWithItsItem) {
   const std::string a = item(16, 0, "0,0,0,null,49.9,11.4,450") + ",";
   const std::string b = "," + item(16, 0, "0,0,0,null,50,11.6,450");
@@ -310,10 +363,19 @@ TEST_F(MissionFiles, QgcPlanThatCannotBeKeptIsRefusedWithItsItem) {
               HasSubstr("item 3 changes the speed to 20 m/s"));
   EXPECT_THAT(says(R"({"type":"ComplexItem","complexItemType":"survey"})"),
               HasSubstr("item 2 is a pattern ('survey')"));
-  EXPECT_THAT(says(item(16, 0, "0,0,0,0,49.92,11.45,470"),
-                   R"("geoFence":{"version":2,"circles":[],"polygons":[{"polygon":[]}]},)"),
-              HasSubstr("geofences"));
   const auto damaged = [&](const std::string& text) { return refusal<DataError>("m.plan", text); };
+  const auto fenced = [&](const std::string& polygons, const std::string& circles) {
+    const std::string ends = a + item(16, 0, "0,0,0,null,50,11.6,450");
+    return damaged(qgc_plan(ends, R"("geoFence":{"version":2,"circles":[)" + circles +
+                                      R"(],"polygons":[)" + polygons + "]},"));
+  };
+  EXPECT_THAT(fenced(R"({"polygon":[]})", ""), HasSubstr("fence 0: 'inclusion'"));
+  EXPECT_THAT(fenced(R"({"inclusion":true,"polygon":[[1,2],[3]]})", ""),
+              HasSubstr("fence 0 has a corner that is no latitude"));
+  EXPECT_THAT(fenced("", R"({"inclusion":true,"circle":{"center":[1,2],"radius":-4}})"),
+              HasSubstr("fence 0 has the radius -4 m"));
+  EXPECT_THAT(fenced("", R"({"inclusion":true,"circle":{"center":[91,2],"radius":4}})"),
+              HasSubstr("latitude 91"));
   EXPECT_THAT(damaged("{\"fileType\": 3}"), HasSubstr("no plan of QGroundControl"));
   EXPECT_THAT(damaged("{\"fileType\": \"Plan\"}"), HasSubstr("'mission'"));
   EXPECT_THAT(damaged("nothing"), HasSubstr("m.plan"));

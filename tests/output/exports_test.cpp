@@ -14,10 +14,10 @@
 
 #include "base/errors.hpp"
 #include "base/shipped_config.hpp"
+#include "base/utc_time.hpp"
 #include "map/map_bundle.hpp"
 #include "output/sample_plan.hpp"
 #include "output/trajectory_columns.hpp"
-#include "output/utc_time.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace hedgehop::output {

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <ogr_spatialref.h>
 #include <random>
@@ -183,6 +184,85 @@ int line_of(const std::string& text, const std::string& part) {
 
 TEST(PlanBundle, PlanReadsBackAsItWasWrittenFieldByField) {
   expect_same(written_and_read(sample()), sample());
+}
+
+flight::Plan sample_with_areas_and_times() {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  flight::Plan plan = sample();
+  flight::RequestArea area;
+  area.name = "fair";
+  area.kind = "no_fly";
+  area.is_hard = false;
+  area.floor = {-kInfinity, true};
+  area.ceiling = {1234.5, false};
+  area.polygons.push_back({{{0.87, 0.2}, {0.87, 0.21}, {0.88, 0.2}, {0.87, 0.2}},
+                           {{{0.871, 0.201}, {0.871, 0.202}, {0.872, 0.201}, {0.871, 0.201}}}});
+  plan.route_plan.request.areas = {area, area};
+  plan.route_plan.request.areas[1].is_hard = true;
+  plan.route_plan.request.areas[1].floor = {30.0, true};
+  plan.route_plan.request.areas[1].ceiling = {kInfinity, false};
+  flight::Timetable table;
+  table.tolerance_s = 5.0;
+  for (std::size_t place = 0; place < plan.route_plan.request.via.size() + 2; ++place) {
+    table.entries.push_back(
+        {place, Time{1'777'617'000'123'456 + 60'000'000 * static_cast<std::int64_t>(place)},
+         std::nullopt});
+  }
+  table.entries.back().wanted = Time{1'777'617'500'000'000};
+  plan.timetable = table;
+  return plan;
+}
+
+TEST(PlanBundle, AreasAndTimesOfTheRequestReadBackAsTheyWere) {
+  const flight::Plan plan = sample_with_areas_and_times();
+  const flight::Plan read = written_and_read(plan);
+  expect_same(read, plan);
+  ASSERT_EQ(read.route_plan.request.areas.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const flight::RequestArea& a = plan.route_plan.request.areas[i];
+    const flight::RequestArea& b = read.route_plan.request.areas[i];
+    EXPECT_EQ(a.name, b.name);
+    EXPECT_EQ(a.kind, b.kind);
+    EXPECT_EQ(a.is_hard, b.is_hard);
+    EXPECT_EQ(a.floor, b.floor);
+    EXPECT_EQ(a.ceiling, b.ceiling);
+    ASSERT_EQ(b.polygons.size(), 1U);
+    ASSERT_EQ(b.polygons[0].outer.size(), 4U);
+    EXPECT_EQ(b.polygons[0].outer[2].latitude_rad, 0.88);
+    ASSERT_EQ(b.polygons[0].holes.size(), 1U);
+    EXPECT_EQ(b.polygons[0].holes[0][1].longitude_rad, 0.202);
+  }
+  ASSERT_TRUE(read.timetable);
+  EXPECT_EQ(read.timetable->tolerance_s, 5.0);
+  ASSERT_EQ(read.timetable->entries.size(), plan.timetable->entries.size());
+  for (std::size_t i = 0; i < read.timetable->entries.size(); ++i) {
+    EXPECT_EQ(read.timetable->entries[i].place, i);
+    EXPECT_EQ(read.timetable->entries[i].expected, plan.timetable->entries[i].expected);
+    EXPECT_EQ(read.timetable->entries[i].wanted, plan.timetable->entries[i].wanted);
+  }
+}
+
+TEST(PlanBundle, WrongAreasAndTimesAreNamed) {
+  const flight::Plan plan = sample_with_areas_and_times();
+  const std::string text = plan_json(plan);
+  const DamagedBundle bundle(plan);
+  struct Case {
+    const char* from;
+    const char* to;
+    const char* field;
+  };
+  for (const Case& fault :
+       {Case{"\"reference\": \"amsl\"", "\"reference\": \"sea\"",
+             "must be 'above_ground' or 'amsl'"},
+        Case{"\"is_hard\": false", "\"is_hard\": 3", "field 'request/areas/0/is_hard'"},
+        Case{"0.88", "8.8", "is out of range"},
+        Case{"\"expected_utime_us\": 1777617000123456", "\"expected_utime_us\": 1777617900123456",
+             "are different times"},
+        Case{"\"place\": 1", "\"place\": 2", "field 'timetable/places/1/place'"}}) {
+    EXPECT_THAT(bundle.error_after(kPlanFile, replaced(text, fault.from, fault.to)),
+                HasSubstr(fault.field))
+        << fault.to;
+  }
 }
 
 TEST(PlanBundle, UnknownNumbersAreNullAndNanAndReadBackAsNan) {

@@ -6,10 +6,10 @@
 
 #include "base/angles.hpp"
 #include "base/errors.hpp"
+#include "base/utc_time.hpp"
 #include "output/png_image.hpp"
 #include "output/report_page.hpp"
 #include "output/report_text.hpp"
-#include "output/utc_time.hpp"
 #include "sample_choices.hpp"
 #include "sample_plan.hpp"
 

@@ -107,6 +107,28 @@ TEST_F(PlanningConfigTest, SpeedBeyondTheVehicleIsRefused) {
               HasSubstr("'speed_mps' must lie within the vehicle's speed limits"));
 }
 
+TEST_F(PlanningConfigTest, ConfigOfAnEarlierVersionIsReadWithWhatItLacksAsShipped) {
+  // As if the demands' clearance, and all of TVFH+'s goal indicator, had come later.
+  std::string text = effective_planning_config("", {"weights.visibility=7.5"});
+  const auto without_line = [&text](const std::string& key) {
+    const std::size_t at = text.find(key + ":");
+    ASSERT_NE(at, std::string::npos);
+    const std::size_t begin = text.rfind('\n', at) + 1;
+    text.erase(begin, text.find('\n', at) + 1 - begin);
+  };
+  without_line("required_clearance_m");
+  without_line("look_ahead_m");
+  EXPECT_THROW((void)read_planning_config(text, "old"), ConfigError);
+  const PlanningConfig shipped = read_planning_config(effective_planning_config("", {}), "new");
+  const PlanningConfig config = read_recorded_config(text, "old");
+  EXPECT_EQ(config.weights.visibility, 7.5);
+  EXPECT_EQ(config.demands.required_clearance_m, shipped.demands.required_clearance_m);
+  EXPECT_EQ(config.local.look_ahead_m, shipped.local.look_ahead_m);
+  const std::string error =
+      error_of([&] { (void)read_recorded_config(text + "forgotten: 3\n", "old"); });
+  EXPECT_THAT(error, HasSubstr("unknown key 'forgotten'"));
+}
+
 TEST_F(PlanningConfigTest, EffectiveConfigReadsBackToItself) {
   const std::string text = effective_planning_config("", {"global.work_budget=1234"});
 

@@ -12,6 +12,7 @@
 #include "base/files.hpp"
 #include "output/plan_bundle.hpp"
 #include "planning/planning.hpp"
+#include "planning/timetable.hpp"
 #include "risk/small_patches.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/temporary_folder.hpp"
@@ -143,6 +144,17 @@ Case planned_case() {
   planned.plan = std::get<flight::Plan>(std::move(answer));
   planned.csv = output::trajectory_csv(planned.plan);
   return planned;
+}
+
+// As plan_on_time() would state it, for a departure at noon.
+flight::Timetable true_timetable(const Case& planned) {
+  flight::Timetable table;
+  table.tolerance_s = 5.0;
+  for (const double time_s : pass_times_s(planned.plan, 60.0)) {
+    table.entries.push_back(
+        {table.entries.size(), Time{1'777'636'800'000'000} + time_s, std::nullopt});
+  }
+  return table;
 }
 
 // The rules that a case breaks; "file" and "map" if it is refused before.
@@ -312,6 +324,21 @@ std::vector<Fault> trajectory_faults() {
        [](Case& c) { c.plan.route_plan.request.via = {place(c.map, 4000.0, 4700.0)}; }},
       {"via points in the other order", "via",
        [](Case& c) { c.plan.route_plan.request.via.push_back(place(c.map, 1500.0, 1500.0)); }},
+      {"arrival promised a second early", "timetable.arrival_s",
+       [](Case& c) {
+         c.plan.timetable = true_timetable(c);
+         c.plan.timetable->entries.back().expected.utime_us -= 1'000'000;
+       }},
+      {"via point promised 30 s late", "timetable.via",
+       [](Case& c) {
+         c.plan.timetable = true_timetable(c);
+         c.plan.timetable->entries[1].expected.utime_us += 30'000'000;
+       }},
+      {"via point left out of the timetable", "timetable.places",
+       [](Case& c) {
+         c.plan.timetable = true_timetable(c);
+         c.plan.timetable->entries.erase(c.plan.timetable->entries.begin() + 1);
+       }},
       {"start heading not the one asked for", "request.start_heading_true_rad",
        [](Case& c) { c.plan.route_plan.request.start_heading_true_rad = 0.51; }},
       throughout("the whole flight 10 m lower", "clearance", [](auto& s) { s.altitude_m -= 10.0; }),
@@ -544,6 +571,8 @@ TEST(PlantedFaults, EachIsFoundUnderItsRuleAndThePlanWithoutThemIsClean) {
   EXPECT_EQ(list_of(broken_rules(sound)), "");
   Case read_back = sound;
   read_back.damage_files = [](const std::filesystem::path&) {};
+  EXPECT_EQ(list_of(broken_rules(read_back)), "");
+  read_back.plan.timetable = true_timetable(sound);
   EXPECT_EQ(list_of(broken_rules(read_back)), "");
 
   const std::vector<Fault> faults = all_faults();

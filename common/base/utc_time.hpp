@@ -6,7 +6,7 @@
 
 #include "base/time.hpp"
 
-namespace hedgehop::output {
+namespace hedgehop {
 
 /// An instant as ISO 8601 writes it: "2026-05-01T06:30Z", "2026-05-01T08:30:15.5+02:00".
 ///
@@ -17,4 +17,4 @@ std::optional<Time> parse_utc(std::string_view text);
 /// "2026-05-01T06:30:00.050Z", rounded down to milliseconds.
 std::string utc_text(Time time);
 
-}  // namespace hedgehop::output
+}  // namespace hedgehop

@@ -1,10 +1,10 @@
-#include "output/utc_time.hpp"
+#include "base/utc_time.hpp"
 
 #include <array>
 #include <charconv>
 #include <cstdio>
 
-namespace hedgehop::output {
+namespace hedgehop {
 namespace {
 
 constexpr std::int64_t kSecondsOfDay = 86400;
@@ -159,4 +159,4 @@ std::string utc_text(Time time) {
   return buffer.data();
 }
 
-}  // namespace hedgehop::output
+}  // namespace hedgehop
