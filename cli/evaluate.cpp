@@ -180,10 +180,8 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   auto* verb = app.add_subcommand("evaluate", "Measure how good plans and maps are");
   verb->require_subcommand(1);
   verb->footer(
-      "Ctrl-C once ends random, optimality, replanning, verifier, table2 and local-safety with the "
-      "problems "
-      "that "
-      "are finished (exit code 4; 130 if there is none).\n"
+      "Ctrl-C once ends all but bus and flight with what is finished (exit code 4; 130 if there is "
+      "nothing).\n"
       "Examples:\n  hedgehop evaluate random --map map --problems 20 --json\n"
       "  hedgehop evaluate protection --map map --json\n"
       "  hedgehop evaluate table2 --map map --routes routes --json\n"

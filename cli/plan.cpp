@@ -283,8 +283,7 @@ void add_plan_verb(CLI::App& app, Console& console) {
       "Examples:\n"
       "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --out plan --figures\n"
       "  hedgehop plan --map map --mission mission.yaml --fly-alternatives --out plan\n"
-      "  hedgehop plan --map map --start 49.95,11.45 --goal 50.05,11.58 --arrival "
-      "2026-05-01T06:30Z --out plan\n"
+      "  hedgehop plan --map map --mission m.yaml --arrival 2026-05-01T06:30Z --out plan\n"
       "  hedgehop plan --map map --mission m.yaml --dem-error-m 4 --violation-probability 0.05 "
       "--out plan");
   auto arguments = std::make_shared<PlanArguments>();

@@ -121,9 +121,8 @@ flight::RequestPoint parse_request_point(const std::string& text, const std::str
 }
 
 void RequestArguments::add_to(CLI::App& verb) {
-  auto* start_option = verb.add_option(
-      "--start", start,
-      "Where it begins: LAT,LON[,HEIGHT_M above the surface]; else reference height");
+  auto* start_option =
+      verb.add_option("--start", start, "Where it begins: LAT,LON[,HEIGHT_M above the surface]");
   auto* goal_option = verb.add_option("--goal", goal, "Where it ends: LAT,LON[,HEIGHT_M]");
   auto* via_option =
       verb.add_option("--via", via,
@@ -147,12 +146,8 @@ void RequestArguments::add_to(CLI::App& verb) {
   verb.add_option("--speed-mps", speed_mps, "Ground speed (default: speed_mps of the config)")
       ->check(CLI::PositiveNumber);
   verb.add_option("--departure", departure,
-                  "When the flight begins, as 2026-05-01T06:30Z; with a time elsewhere too, the "
-                  "speed follows");
+                  "When it begins, as 2026-05-01T06:30Z; with an arrival, the speed follows");
   verb.add_option("--arrival", arrival, "When to be at the goal; alone, the departure follows");
-  verb.add_option("--time-tolerance-s", time_tolerance_s,
-                  "What times may be missed by (default: the mission's, else 5)")
-      ->check(CLI::Range(0.5, 3600.0));
   verb.add_option("--seed", seed, "Seed of the global planner (default 1)");
   verb.add_option("--work", work,
                   "Work budget of the global planner in legs evaluated (default: config)")
@@ -257,7 +252,7 @@ std::optional<planning::TimeDemand> RequestArguments::time_demand(
     throw UsageError("times at two places fix the speed, which is given too",
                      "leave out the speed, or all times but one");
   }
-  demand.tolerance_s = time_tolerance_s > 0.0 ? time_tolerance_s : mission.time_tolerance_s;
+  demand.tolerance_s = mission.time_tolerance_s;
   return demand;
 }
 

@@ -28,7 +28,6 @@ struct RequestArguments {
   double speed_mps = 0.0;
   std::string departure;
   std::string arrival;
-  double time_tolerance_s = 0.0;  // 0: that of the mission
   std::uint64_t seed = 1;
   std::int64_t work = 0;
   std::string config_file;

@@ -433,7 +433,7 @@ flight::Verdict verify_plan(const MapPointer& map, const std::string& folder) {
   const py::gil_scoped_release released;
   const flight::Plan plan = output::read_plan_bundle(folder);
   return verification::check_plan(
-             planning::map_of_plan(*map, plan, folder), plan,
+             planning::map_of_plan(*map, plan, folder, "this"), plan,
              read_file(std::filesystem::path(folder) / output::kTrajectoryFile))
       .verdict;
 }

@@ -50,12 +50,13 @@ map::Map map_with_areas(map::Map map, const std::vector<flight::RequestArea>& ar
   return map;
 }
 
-map::Map map_of_plan(map::Map map, const flight::Plan& plan, const std::string& plan_name) {
+map::Map map_of_plan(map::Map map, const flight::Plan& plan, const std::string& plan_name,
+                     const std::string& map_name) {
   const std::string base_hash = map.hash.hex();
   map = map_with_areas(std::move(map), plan.route_plan.request.areas);
   if (plan.route_plan.map.hash != map.hash) {
     throw UsageError("plan " + plan_name + " was made on map " + plan.route_plan.map.hash.hex() +
-                         ", but this is map " + base_hash +
+                         ", but " + map_name + " is map " + base_hash +
                          (plan.route_plan.request.areas.empty()
                               ? ""
                               : ", with the areas of the plan " + map.hash.hex()),
@@ -66,7 +67,7 @@ map::Map map_of_plan(map::Map map, const flight::Plan& plan, const std::string& 
 
 map::Map read_map_of_plan(const std::filesystem::path& bundle, const flight::Plan& plan,
                           const std::string& plan_name) {
-  return map_of_plan(map::read_map_bundle(bundle), plan, plan_name);
+  return map_of_plan(map::read_map_bundle(bundle), plan, plan_name, bundle.string());
 }
 
 std::vector<flight::RequestArea> request_areas_of(const std::vector<map::Area>& areas,

@@ -19,8 +19,9 @@ map::Map map_with_areas(map::Map map, const std::vector<flight::RequestArea>& ar
 /// @throws UsageError  it is another map.
 map::Map read_map_of_plan(const std::filesystem::path& bundle, const flight::Plan& plan,
                           const std::string& plan_name);
-/// The same with a map that was read before.
-map::Map map_of_plan(map::Map map, const flight::Plan& plan, const std::string& plan_name);
+/// The same with a map that was read before, and what errors call it.
+map::Map map_of_plan(map::Map map, const flight::Plan& plan, const std::string& plan_name,
+                     const std::string& map_name);
 
 /// Areas of a map as a request states them.
 std::vector<flight::RequestArea> request_areas_of(const std::vector<map::Area>& areas,

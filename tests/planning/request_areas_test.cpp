@@ -50,10 +50,10 @@ TEST(RequestAreas, BecomePartOfTheMapAndOfItsHash) {
   flight::Plan plan;
   plan.route_plan.request.areas = areas;
   plan.route_plan.map.hash = expected.hash;
-  EXPECT_EQ(map_of_plan(plain, plan, "p").hash, expected.hash);
+  EXPECT_EQ(map_of_plan(plain, plan, "p", "m").hash, expected.hash);
   plan.route_plan.request.areas[0].is_hard = false;  // not what it was planned with
-  EXPECT_THROW((void)map_of_plan(plain, plan, "p"), UsageError);
-  EXPECT_THROW((void)map_of_plan(expected, plan, "p"), UsageError);
+  EXPECT_THROW((void)map_of_plan(plain, plan, "p", "m"), UsageError);
+  EXPECT_THROW((void)map_of_plan(expected, plan, "p", "m"), UsageError);
 }
 
 TEST(RequestAreas, CornerOffTheEarthIsRefused) {
