@@ -6,7 +6,7 @@
 
 #include "base/errors.hpp"
 #include "geo/map_projection.hpp"
-#include "verification/path_pieces.hpp"
+#include "verification/via_pass.hpp"
 
 namespace hedgehop::planning {
 namespace {

@@ -8,6 +8,7 @@
 #include "verification/cylinder_distance.hpp"
 #include "verification/path_pieces.hpp"
 #include "verification/surface_sweep.hpp"
+#include "verification/via_pass.hpp"
 #include "verification/wire_distance.hpp"
 
 namespace hedgehop::verification {

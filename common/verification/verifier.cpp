@@ -14,6 +14,7 @@
 #include "verification/findings.hpp"
 #include "verification/path_pieces.hpp"
 #include "verification/surface_sweep.hpp"
+#include "verification/via_pass.hpp"
 #include "verification/wire_distance.hpp"
 
 namespace hedgehop::verification {
