@@ -20,7 +20,11 @@ using Reference = map_sources::MissionPoint::Reference;
 
 map_sources::MissionPoint point_of(const std::string& text, const std::string& option) {
   const flight::RequestPoint point = parse_request_point(text, option);
-  return {point.position, point.height_m, Reference::kSurface, std::nullopt, option};
+  map_sources::MissionPoint mission_point;
+  mission_point.position = point.position;
+  mission_point.height_m = point.height_m;
+  mission_point.place = option;
+  return mission_point;
 }
 
 // The areas of a mission, as its map places them.
@@ -223,7 +227,7 @@ flight::PlanRequest RequestArguments::plan_request(const map_sources::Mission& m
   // The command line stands above the file.
   request.start_heading_true_rad =
       has_start_heading ? std::optional(wrap_to_two_pi(radians_from_degrees(start_heading_deg)))
-                        : mission.start_heading_true_rad;
+                        : mission.start.heading_true_rad;
   request.speed_mps = speed_mps > 0.0 ? std::optional(speed_mps) : mission.speed_mps;
   request.seed = seed;
   request.work_budget = work;

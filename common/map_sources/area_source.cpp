@@ -343,23 +343,26 @@ void read_vectors(const AreaFile& file, const Placer& placer, Observer& observer
 
 }  // namespace
 
+geo::MapProjection around(const geo::GeodeticPosition& place) {
+  char crs[200];
+  std::snprintf(crs, sizeof crs, "+proj=aeqd +lat_0=%.12f +lon_0=%.12f +datum=WGS84 +units=m",
+                degrees_from_radians(place.latitude_rad),
+                degrees_from_radians(place.longitude_rad));
+  return geo::MapProjection(crs);
+}
+
 Fence circle_fence(const geo::GeodeticPosition& centre, double radius_m, bool is_inclusion,
                    std::string place) {
   constexpr int kCorners = 64;
   constexpr double kSpare = 1e-4;  // what edges in degrees may stray from those of the ellipsoid
-  // Distances from its centre are true.
-  char crs[200];
-  std::snprintf(crs, sizeof crs, "+proj=aeqd +lat_0=%.12f +lon_0=%.12f +datum=WGS84 +units=m",
-                degrees_from_radians(centre.latitude_rad),
-                degrees_from_radians(centre.longitude_rad));
-  const geo::MapProjection around(crs);
+  const geo::MapProjection projection = around(centre);
   const double half_step_rad = std::numbers::pi / kCorners;
   const double reach_m = is_inclusion ? radius_m * (1.0 - kSpare)
                                       : radius_m / elementary::cos(half_step_rad) * (1.0 + kSpare);
   Fence fence{is_inclusion, {}, std::move(place)};
   for (int i = 0; i < kCorners; ++i) {
     const double angle_rad = 2.0 * half_step_rad * i;
-    fence.outline.push_back(around.to_geodetic(
+    fence.outline.push_back(projection.to_geodetic(
         {reach_m * elementary::cos(angle_rad), reach_m * elementary::sin(angle_rad)}));
   }
   return fence;

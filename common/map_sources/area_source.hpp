@@ -43,6 +43,9 @@ struct Fence {
   std::string place;  // "flight.plan: fence 0", for errors
 };
 
+/// A projection whose azimuths and distances from a place are true: x east, y north of it.
+geo::MapProjection around(const geo::GeodeticPosition& place);
+
 /// A circle as a fence with straight edges that permits nothing which the circle does not: around
 /// it if it must not be entered, inside it if it must not be left.
 Fence circle_fence(const geo::GeodeticPosition& centre, double radius_m, bool is_inclusion,

@@ -9,6 +9,7 @@
 
 #include "base/angles.hpp"
 #include "base/config_reader.hpp"
+#include "base/elementary.hpp"
 #include "base/errors.hpp"
 #include "base/files.hpp"
 #include "base/utc_time.hpp"
@@ -95,7 +96,7 @@ constexpr char kNoHeading[] =
     "cannot be kept: only the start has a heading; leave it out, or add a via point that makes the "
     "flight arrive from that side";
 
-MissionPoint yaml_point(ConfigReader& reader, bool is_start, Mission& mission) {
+MissionPoint yaml_point(ConfigReader& reader) {
   MissionPoint point;
   point.place = reader.file_and_line();
   const double latitude_rad = reader.required_angle("latitude_deg");
@@ -120,10 +121,7 @@ MissionPoint yaml_point(ConfigReader& reader, bool is_start, Mission& mission) {
     height("altitude_m", Reference::kMapDatum);
   }
   if (reader.has("heading_true_deg")) {
-    if (!is_start) {
-      reader.refuse("heading_true_deg", kNoHeading);
-    }
-    mission.start_heading_true_rad = wrap_to_two_pi(reader.required_angle("heading_true_deg"));
+    point.heading_true_rad = wrap_to_two_pi(reader.required_angle("heading_true_deg"));
   }
   if (reader.has("time")) {
     point.time = parse_utc(reader.required_string("time"));
@@ -144,16 +142,16 @@ Mission read_yaml(const fs::path& file) {
   Mission mission;
   ConfigReader reader = ConfigReader::from_text(read_file(file), file.string());
   ConfigReader start = reader.required_section("start");
-  mission.start = yaml_point(start, true, mission);
+  mission.start = yaml_point(start);
   if (reader.has("via")) {
     for (ConfigReader& via : reader.required_sections("via")) {
-      mission.via.push_back(yaml_point(via, false, mission));
+      mission.via.push_back(yaml_point(via));
     }
     reader.require(mission.via.size() + 2 <= kMissionPointsMax, "via",
                    "has more entries than are planned");
   }
   ConfigReader goal = reader.required_section("goal");
-  mission.goal = yaml_point(goal, false, mission);
+  mission.goal = yaml_point(goal);
   if (reader.has("speed_mps")) {
     mission.speed_mps = reader.required_double("speed_mps");
     reader.require(*mission.speed_mps > 0.0 && *mission.speed_mps <= kSpeed_mps_max, "speed_mps",
@@ -256,7 +254,6 @@ class VectorMission {
       ends = lines_.front();
     }
     Mission mission = mission_from(std::move(points), file_);
-    mission.start_heading_true_rad = ends.heading_true_rad;
     mission.speed_mps = ends.speed_mps;
     if (has_polygons_) {
       mission.areas.push_back({file_, true});
@@ -269,7 +266,6 @@ class VectorMission {
     MissionPoint point;                // of a point
     std::vector<MissionPoint> points;  // of a line
     std::string role;
-    std::optional<double> heading_true_rad;
     std::optional<double> speed_mps;
   };
 
@@ -291,8 +287,9 @@ class VectorMission {
       }
       Entry entry;
       entry.role = role_of(*feature);
+      std::optional<double> heading_true_rad;
       if (const auto heading = number_attribute(*feature, "heading_true_deg", where)) {
-        entry.heading_true_rad = wrap_to_two_pi(radians_from_degrees(*heading));
+        heading_true_rad = wrap_to_two_pi(radians_from_degrees(*heading));
       }
       if (const auto speed = number_attribute(*feature, "speed_mps", where)) {
         entry.speed_mps = checked_speed(*speed, where);
@@ -305,6 +302,7 @@ class VectorMission {
         case wkbPoint: {
           const OGRPoint& point = *geometry->toPoint();
           entry.point = point_at(point.getX(), point.getY(), point.getZ(), point.Is3D() != FALSE);
+          entry.point.heading_true_rad = heading_true_rad;
           points_.push_back(std::move(entry));
           break;
         }
@@ -314,6 +312,9 @@ class VectorMission {
             entry.points.push_back(
                 point_at(line.getX(i), line.getY(i), line.getZ(i), line.Is3D() != FALSE));
             entry.points.back().place = where + ", position " + std::to_string(i);
+          }
+          if (!entry.points.empty()) {
+            entry.points.front().heading_true_rad = heading_true_rad;
           }
           lines_.push_back(std::move(entry));
           break;
@@ -403,10 +404,6 @@ class VectorMission {
 
   void check_further_points() const {
     for (std::size_t i = 1; i < points_.size(); ++i) {
-      if (points_[i].heading_true_rad) {
-        refuse(points_[i].point.place, std::string("has a heading, which ") + kNoHeading,
-               "leave out heading_true_deg there");
-      }
       if (points_[i].speed_mps) {
         refuse(points_[i].point.place, "has a speed of its own; a flight has one",
                "give speed_mps to the start alone");
@@ -815,9 +812,7 @@ Mission read_waypoints(const fs::path& file) {
   return ItemMission(file, home_amsl_m).read(items);
 }
 
-}  // namespace
-
-Mission read_mission(const fs::path& file) {
+Mission mission_in(const fs::path& file) {
   std::error_code error;
   if (!fs::is_regular_file(file, error)) {
     throw DataError(file.string() + ": no such file", "check the path given with --mission");
@@ -845,6 +840,51 @@ Mission read_mission(const fs::path& file) {
     return read_waypoints(file);
   }
   throw DataError(file.string() + ": a mission cannot be read from files of this kind", kKinds);
+}
+
+// A place in line before another one.
+geo::GeodeticPosition before(const geo::GeodeticPosition& place, double heading_true_rad,
+                             double distance_m) {
+  return around(place).to_geodetic({-distance_m * elementary::sin(heading_true_rad),
+                                    -distance_m * elementary::cos(heading_true_rad)});
+}
+
+// Headings of all places but the start become places to pass.
+void lead_to_headings(Mission& mission) {
+  std::vector<MissionPoint> via;
+  const auto lead = [&](MissionPoint& point) {
+    if (!point.heading_true_rad) {
+      return;
+    }
+    // A flight that comes from elsewhere turns at the farther one, and is in line at the nearer
+    // one.
+    for (const double distance_m : {2.0 * kApproach_m, kApproach_m}) {
+      MissionPoint approach;
+      approach.position = before(point.position, *point.heading_true_rad, distance_m);
+      approach.place = point.place + " (before it)";
+      via.push_back(approach);
+    }
+    mission.remarks.push_back(
+        point.place + ": the heading of " +
+        number_text(std::round(degrees_from_radians(*point.heading_true_rad))) +
+        " degrees leads the flight by way of two places before it, in line, the nearer one at " +
+        number_text(kApproach_m) + " m");
+    point.heading_true_rad.reset();
+  };
+  for (MissionPoint& point : mission.via) {
+    lead(point);
+    via.push_back(point);
+  }
+  lead(mission.goal);
+  mission.via = std::move(via);
+}
+
+}  // namespace
+
+Mission read_mission(const fs::path& file) {
+  Mission mission = mission_in(file);
+  lead_to_headings(mission);
+  return mission;
 }
 
 }  // namespace hedgehop::map_sources

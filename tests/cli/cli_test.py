@@ -11,6 +11,7 @@ A single test that cannot run here exits with 77 and a line "skipped: reason".
 
 import argparse
 import json
+import math
 import os
 import pathlib
 import re
@@ -331,7 +332,7 @@ class BadInputOfPlan(CliTest):
     def test_mission_that_cannot_be_kept(self):
         for name, text, code, mentions in (
                 ("m.yaml", "start: {latitude_deg: 49.51, longitude_deg: 11.42}\n"
-                           "goal: {latitude_deg: 49.57, longitude_deg: 11.50, heading_true_deg: 4}\n", 2, "m.yaml:2"),
+                           "goal: {latitude_deg: 49.57, longitude_deg: 11.50, hold_s: 4}\n", 2, "m.yaml:2"),
                 ("m.yaml", "start: {latitude_deg: 49.51, longitude: 11.42}\n", 2, "m.yaml:1"),
                 ("m.gpx", "no xml", 5, "m.gpx"),
                 ("m.xyz", "?", 5, ".waypoints")):
@@ -1532,6 +1533,15 @@ class Missions(CliTest):
         result = self.hedgehop("request", "--mission", mission, "--out", self.work / "bus")
         self.assertEqual(result.returncode, 2, result.stderr)
         self.assertIn("patch add area", result.stderr)
+
+    def test_heading_at_the_goal_is_arrived_with_from_whatever_side(self):
+        for wanted in (90, 270):  # the flight comes from the south-west
+            mission = self.write(f"m{wanted}.yaml", "start: {latitude_deg: 49.51, longitude_deg: 11.42}\n"
+                                 f"goal: {{latitude_deg: 49.57, longitude_deg: 11.50, heading_true_deg: {wanted}}}\n")
+            lines = (self.planned(f"to{wanted}", "--mission", mission) / "trajectory.csv").read_text().splitlines()
+            last = dict(zip(lines[0].split(","), lines[-1].split(",")))
+            off = (math.degrees(float(last["heading_true_rad"])) - wanted + 180) % 360 - 180
+            self.assertLess(abs(off), 25, last)
 
     def test_times_fix_departure_and_speed(self):
         ends = ("--start", START, "--goal", GOAL)
