@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <deque>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <system_error>
@@ -174,7 +175,10 @@ Made make_plan_on_time(const map::Map& map, const flight::PlanRequest& request,
                        const planning::PlanningConfig& config, const planning::TimeDemand& demand,
                        const PlanArguments& arguments, const Console& console, StageTimer& timer,
                        Observer& observer) {
-  Made last;
+  std::map<double, Made> rounds;  // without their answers, by speed
+  const auto speed_of = [](const flight::PlanRequest& asked) {
+    return asked.speed_mps.value_or(0.0);
+  };
   const auto plan =
       [&](std::optional<double> speed_mps) -> std::variant<flight::Plan, flight::NoPlan> {
     if (observer.stop_requested()) {
@@ -182,16 +186,17 @@ Made make_plan_on_time(const map::Map& map, const flight::PlanRequest& request,
     }
     flight::PlanRequest timed = request;
     timed.speed_mps = speed_mps ? speed_mps : request.speed_mps;
-    last = make_plan(map, timed, config, arguments, console, timer, observer);
-    return std::move(last.answer);
+    Made made = make_plan(map, timed, config, arguments, console, timer, observer);
+    auto answer = std::move(made.answer);
+    rounds[speed_of(timed)] = std::move(made);
+    return answer;
   };
   auto found = planning::plan_on_time(demand, config, plan);
-  Made made{flight::NoPlan{}, last.is_risk_met, last.is_stopped};
   if (auto* no_plan = std::get_if<flight::NoPlan>(&found)) {
-    made.answer = std::move(*no_plan);
-    return made;
+    return {std::move(*no_plan)};
   }
   auto& timed = std::get<planning::TimedPlan>(found);
+  Made made = std::move(rounds.at(speed_of(timed.plan.route_plan.request)));
   made.is_on_time = timed.is_met;
   if (!timed.is_met) {
     timed.plan.warnings.push_back(timed.shortfall);
