@@ -8,7 +8,9 @@
 #include "base/elementary.hpp"
 #include "base/utc_time.hpp"
 #include "output/export_writers.hpp"
+#include "output/json_document.hpp"
 #include "output/mcap_file.hpp"
+#include "output/rounding.hpp"
 #include "output/trajectory_columns.hpp"
 
 namespace hedgehop::output {
@@ -16,15 +18,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 using Vector = std::array<double, 3>;
-
-double rounded(double value, double units_per_one) {
-  return std::round(value * units_per_one) / units_per_one;
-}
-
-// Text from outside may hold bytes that are no UTF-8; they become replacement characters.
-std::string dumped(const Json& json) {
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
 
 Vector sum(double a, const Vector& v, double b, const Vector& w) {
   return {a * v[0] + b * w[0], a * v[1] + b * w[1], a * v[2] + b * w[2]};

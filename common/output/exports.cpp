@@ -7,6 +7,7 @@
 #include "base/errors.hpp"
 #include "base/utc_time.hpp"
 #include "output/export_writers.hpp"
+#include "output/rounding.hpp"
 #include "raster/grid.hpp"
 
 namespace hedgehop::output {
@@ -15,10 +16,6 @@ namespace {
 constexpr char kAmsl[] = "above mean sea level (EGM96)";
 constexpr char kEllipsoid[] = "above the WGS 84 ellipsoid";
 constexpr char kMapDatum[] = "above mean sea level, in the map's vertical datum";
-
-double rounded(double value, double units_per_one) {
-  return std::round(value * units_per_one) / units_per_one;
-}
 
 // What surrounds all places of a plan, with room for rounding.
 geo::GeodeticBox area_of(const flight::Plan& plan, const geo::MapProjection& projection) {

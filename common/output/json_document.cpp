@@ -185,6 +185,14 @@ std::uint64_t JsonDocument::Field::unsigned_integer() const {
   return value_->get<std::uint64_t>();
 }
 
+double JsonDocument::Field::number_within(double magnitude_max) const {
+  const double value = number();
+  if (std::fabs(value) > magnitude_max) {
+    refuse("is out of range");
+  }
+  return value;
+}
+
 bool JsonDocument::Field::boolean() const {
   if (!value_->is_boolean()) {
     refuse("must be true or false");
@@ -212,6 +220,10 @@ std::vector<JsonDocument::Field> JsonDocument::Field::entries(std::size_t count_
     fields.push_back({*document_, (*value_)[i], pointer_ + "/" + std::to_string(i)});
   }
   return fields;
+}
+
+std::string dumped(const JsonDocument::Json& json) {
+  return json.dump(1, ' ', false, JsonDocument::Json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace hedgehop::output

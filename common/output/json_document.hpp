@@ -23,6 +23,8 @@ class JsonDocument {
     [[nodiscard]] double number() const;
     /// null becomes NaN.
     [[nodiscard]] double number_or_nan() const;
+    /// Of a magnitude up to this one.
+    [[nodiscard]] double number_within(double magnitude_max) const;
     [[nodiscard]] std::int64_t integer(std::int64_t least, std::int64_t greatest) const;
     [[nodiscard]] std::uint64_t unsigned_integer() const;
     [[nodiscard]] bool boolean() const;
@@ -52,5 +54,9 @@ class JsonDocument {
   Json value_;
   std::unordered_map<std::string, int> lines_;  // by pointer
 };
+
+/// A document as text, its last line ended. Bytes from outside that are no UTF-8 become replacement
+/// characters.
+std::string dumped(const JsonDocument::Json& json);
 
 }  // namespace hedgehop::output

@@ -14,6 +14,7 @@
 #include "base/utc_time.hpp"
 #include "geo/map_projection.hpp"
 #include "output/json_document.hpp"
+#include "output/rounding.hpp"
 #include "output/trajectory_columns.hpp"
 
 namespace hedgehop::output {
@@ -40,10 +41,6 @@ constexpr std::int64_t kCountMax = std::numeric_limits<std::int64_t>::max();
 constexpr double kPosition_m_max = 1e8;
 constexpr double kAltitude_m_max = 1e6;
 constexpr double kTrackStep_s = 1.0;
-
-double rounded(double value, double units_per_one) {
-  return std::round(value * units_per_one) / units_per_one;
-}
 
 Json optional_json(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
 
@@ -192,23 +189,11 @@ Json json_of(const flight::Verdict& verdict) {
           {"goal_distance_m", verdict.goal_distance_m}};
 }
 
-// Text from outside may hold bytes that are no UTF-8; they become replacement characters.
-std::string dumped(const Json& json) {
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
 // ---- reading plan.json
 
-double bounded(const Field& field, double magnitude_max) {
-  const double value = field.number();
-  if (std::fabs(value) > magnitude_max) {
-    field.refuse("is out of range");
-  }
-  return value;
-}
-
 double bounded_or_nan(const Field& field, double magnitude_max) {
-  return field.is_null() ? std::numeric_limits<double>::quiet_NaN() : bounded(field, magnitude_max);
+  return field.is_null() ? std::numeric_limits<double>::quiet_NaN()
+                         : field.number_within(magnitude_max);
 }
 
 std::optional<double> optional_number(const Field& field) {
@@ -224,7 +209,7 @@ Hash128 hash_of(const Field& field) {
 }
 
 double angle_of(const Field& parent, const char* key_rad, const char* key_deg, double max_rad) {
-  const double angle_rad = bounded(parent.at(key_rad), max_rad);
+  const double angle_rad = parent.at(key_rad).number_within(max_rad);
   const double angle_deg = parent.at(key_deg).number();
   if (std::fabs(degrees_from_radians(angle_rad) - angle_deg) > 1e-9) {
     parent.at(key_deg).refuse("and '" + std::string(key_rad) + "' are different angles");
@@ -244,7 +229,7 @@ flight::RequestAreaEnd area_end_of(const Field& field, double without_end_m) {
     field.at("reference").refuse("must be 'above_ground' or 'amsl'");
   }
   const Field value = field.at("value_m");
-  return {value.is_null() ? without_end_m : bounded(value, kPosition_m_max),
+  return {value.is_null() ? without_end_m : value.number_within(kPosition_m_max),
           reference == kAboveGround};
 }
 
@@ -255,8 +240,8 @@ flight::RequestArea::Ring ring_of(const Field& field) {
     if (numbers.size() != 2) {
       corner.refuse("must hold latitude and longitude");
     }
-    ring.push_back({bounded(numbers[0], 0.5 * std::numbers::pi + 1e-12),
-                    bounded(numbers[1], std::numbers::pi + 1e-12)});
+    ring.push_back({numbers[0].number_within(0.5 * std::numbers::pi + 1e-12),
+                    numbers[1].number_within(std::numbers::pi + 1e-12)});
   }
   if (ring.size() < 4) {
     field.refuse("needs three corners and the first one again");
@@ -333,8 +318,9 @@ flight::PlanRequest request_of(const Field& field) {
 }
 
 flight::Waypoint waypoint_of(const Field& field) {
-  return {bounded(field.at("x_m"), kPosition_m_max), bounded(field.at("y_m"), kPosition_m_max),
-          bounded(field.at("altitude_m"), kAltitude_m_max)};
+  return {field.at("x_m").number_within(kPosition_m_max),
+          field.at("y_m").number_within(kPosition_m_max),
+          field.at("altitude_m").number_within(kAltitude_m_max)};
 }
 
 std::vector<flight::Waypoint> waypoints_of(const Field& field) {

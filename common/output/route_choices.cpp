@@ -9,6 +9,7 @@
 #include "base/files.hpp"
 #include "geo/map_projection.hpp"
 #include "output/json_document.hpp"
+#include "output/rounding.hpp"
 
 namespace hedgehop::output {
 namespace {
@@ -22,22 +23,6 @@ constexpr std::int64_t kSchemaVersion = 1;
 constexpr std::size_t kRoutesMax = 100;
 constexpr std::size_t kWaypointsMax = 1'000'000;
 constexpr double kPosition_m_max = 1e8;
-
-std::string dumped(const Json& json) {
-  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
-double rounded(double value, double units_per_one) {
-  return std::round(value * units_per_one) / units_per_one;
-}
-
-double bounded(const Field& field, double magnitude_max) {
-  const double value = field.number();
-  if (std::fabs(value) > magnitude_max) {
-    field.refuse("is out of range");
-  }
-  return value;
-}
 
 double share(const Field& field) {
   const double value = field.number();
@@ -222,9 +207,9 @@ std::optional<RouteList> read_route_choices(const fs::path& plan_folder) {
     const Field flown = entry.at("flown");
     route.is_flown = !flown.is_null() && !flown.at("plan").is_null();
     for (const Field& waypoint : entry.at("waypoints").entries(kWaypointsMax)) {
-      route.waypoints.push_back({bounded(waypoint.at("x_m"), kPosition_m_max),
-                                 bounded(waypoint.at("y_m"), kPosition_m_max),
-                                 bounded(waypoint.at("altitude_m"), kPosition_m_max)});
+      route.waypoints.push_back({waypoint.at("x_m").number_within(kPosition_m_max),
+                                 waypoint.at("y_m").number_within(kPosition_m_max),
+                                 waypoint.at("altitude_m").number_within(kPosition_m_max)});
     }
     if (route.waypoints.size() < 2) {
       entry.at("waypoints").refuse("must have at least 2 entries");

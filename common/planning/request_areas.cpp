@@ -16,6 +16,28 @@ flight::RequestAreaEnd end_of(const map::AreaLimit& limit) {
   return {limit.value_m, limit.reference == Reference::kAboveGround};
 }
 
+// Name, kind, hardness and polygons, with each corner put elsewhere.
+template <typename To, typename From, typename Place>
+To area_elsewhere(const From& area, const Place& place) {
+  To result;
+  result.name = area.name;
+  result.kind = area.kind;
+  result.is_hard = area.is_hard;
+  const auto ring_of = [&place](const auto& corners, auto& ring) {
+    for (const auto& corner : corners) {
+      ring.push_back(place(corner));
+    }
+  };
+  for (const auto& polygon : area.polygons) {
+    auto& placed = result.polygons.emplace_back();
+    ring_of(polygon.outer, placed.outer);
+    for (const auto& hole : polygon.holes) {
+      ring_of(hole, placed.holes.emplace_back());
+    }
+  }
+  return result;
+}
+
 }  // namespace
 
 map::Map map_with_areas(map::Map map, const std::vector<flight::RequestArea>& areas) {
@@ -24,26 +46,10 @@ map::Map map_with_areas(map::Map map, const std::vector<flight::RequestArea>& ar
   }
   const geo::MapProjection projection(map.crs_wkt);
   for (const flight::RequestArea& given : areas) {
-    const auto ring_of = [&](const flight::RequestArea::Ring& corners) {
-      std::vector<geo::MapPoint> ring;
-      for (const geo::GeodeticPosition& corner : corners) {
-        ring.push_back(projection.to_map(corner));
-      }
-      return ring;
-    };
-    map::Area area;
-    area.name = given.name;
-    area.kind = given.kind;
-    area.is_hard = given.is_hard;
+    auto area = area_elsewhere<map::Area>(
+        given, [&](const geo::GeodeticPosition& corner) { return projection.to_map(corner); });
     area.floor = limit_of(given.floor);
     area.ceiling = limit_of(given.ceiling);
-    for (const flight::RequestArea::Polygon& polygon : given.polygons) {
-      map::Area::Polygon& placed = area.polygons.emplace_back();
-      placed.outer = ring_of(polygon.outer);
-      for (const flight::RequestArea::Ring& hole : polygon.holes) {
-        placed.holes.push_back(ring_of(hole));
-      }
-    }
     map.areas.push_back(std::move(area));
   }
   map.hash = map::map_hash(map);
@@ -72,28 +78,12 @@ map::Map read_map_of_plan(const std::filesystem::path& bundle, const flight::Pla
 
 std::vector<flight::RequestArea> request_areas_of(const std::vector<map::Area>& areas,
                                                   const geo::MapProjection& projection) {
-  const auto ring_of = [&](const std::vector<geo::MapPoint>& points) {
-    flight::RequestArea::Ring ring;
-    for (const geo::MapPoint& point : points) {
-      ring.push_back(projection.to_geodetic(point));
-    }
-    return ring;
-  };
   std::vector<flight::RequestArea> result;
   for (const map::Area& area : areas) {
-    flight::RequestArea& named = result.emplace_back();
-    named.name = area.name;
-    named.kind = area.kind;
-    named.is_hard = area.is_hard;
-    named.floor = end_of(area.floor);
-    named.ceiling = end_of(area.ceiling);
-    for (const map::Area::Polygon& polygon : area.polygons) {
-      flight::RequestArea::Polygon& placed = named.polygons.emplace_back();
-      placed.outer = ring_of(polygon.outer);
-      for (const std::vector<geo::MapPoint>& hole : polygon.holes) {
-        placed.holes.push_back(ring_of(hole));
-      }
-    }
+    result.push_back(area_elsewhere<flight::RequestArea>(
+        area, [&](const geo::MapPoint& corner) { return projection.to_geodetic(corner); }));
+    result.back().floor = end_of(area.floor);
+    result.back().ceiling = end_of(area.ceiling);
   }
   return result;
 }
