@@ -138,7 +138,7 @@ class Evaluation {
       timed(visibility_, {1, execution_.simd}, result_.one_thread_cpu_s_per_million_cells);
       compare(layers, seed);
       observer_->check_stop();
-      update(layers);
+      update();
       exposure(seed);
     } catch (const Interrupted&) {
       result_.is_stopped = true;
@@ -229,7 +229,7 @@ class Evaluation {
   }
 
   // A patch in the middle rises by 20 m.
-  void update(const VisibilityLayers& before) {
+  void update() {
     const int side = static_cast<int>(std::min<std::int64_t>(
         options_->patch_cells, std::min(map_->geometry.columns, map_->geometry.rows)));
     const preparation::CellRectangle patch{(map_->geometry.columns - side) / 2,
@@ -241,10 +241,14 @@ class Evaluation {
       }
     }
     const VisibilityGround changed{surface_m, surface_m};
-    VisibilityLayers layers = before;
+    // The layers of before once more, as sums are not kept in passing.
+    preparation::VisibilitySums sums;
+    VisibilityLayers layers =
+        preparation::visibility_of_block(ground(), block_.corner, block_.columns, block_.rows,
+                                         visibility_, execution_, *observer_, nullptr, &sums);
     const double before_s = meters_->cpu_s();
-    preparation::update_visibility_of_block(changed, block_.corner, patch, visibility_, execution_,
-                                            *observer_, layers);
+    preparation::update_visibility_of_block(ground(), changed, block_.corner, patch, visibility_,
+                                            execution_, *observer_, layers, sums);
     result_.update_cpu_s = meters_->cpu_s() - before_s;
     const VisibilityLayers full = preparation::visibility_of_block(
         changed, block_.corner, block_.columns, block_.rows, visibility_, execution_, *observer_);

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <tbb/blocked_range.h>
 #include <tbb/info.h>
@@ -85,7 +86,8 @@ struct Pass {
   Padded ground_m;
   Padded weight;
   std::vector<SightLine> lines;
-  std::vector<ColumnSpan> spans;  // by row of the block
+  std::vector<ColumnSpan> spans;         // by row of the block
+  std::optional<CellRectangle> changed;  // in the frame of the pass: only rays that may cross it
   // By cell of the block; `further` in planes: at reference height on the lines with further
   // heights, at each further height, known on these lines.
   std::vector<std::int32_t> seen;
@@ -124,6 +126,20 @@ ColumnSpan span_of(const Tile& tile, int row) {
   return {std::max(span.begin, tile.column), std::min(span.end, tile.column + tile.columns)};
 }
 
+// Columns of the block from which a ray of this line, in either direction, may meet what has
+// changed. A sample looks at up to two cells on each side, and a ray lies beside its observer.
+ColumnSpan crossing_span(const Pass& pass, const SightLine& line, int row) {
+  constexpr double kBeside = 3.0;
+  const CellRectangle& changed = *pass.changed;
+  const double slope = static_cast<double>(line.slope) / 4294967296.0;
+  const double to_first = slope * (changed.row - row);
+  const double to_last = slope * (changed.row + changed.rows - 1 - row);
+  const double begin = changed.column - std::max(to_first, to_last) - kBeside;
+  const double end = changed.column + changed.columns - std::min(to_first, to_last) + kBeside;
+  return {static_cast<int>(std::floor(begin)) - pass.column,
+          static_cast<int>(std::ceil(end)) - pass.column};
+}
+
 void add_line(const Tile& tile, const SightLine& line, int further_count, TileSums& sums,
               LineBuffers& buffers, LineKernel kernel) {
   const Pass& pass = *tile.pass;
@@ -153,7 +169,11 @@ void add_line(const Tile& tile, const SightLine& line, int further_count, TileSu
     rows.clear();
     for (int row = 0; row < tile.rows; ++row) {
       const Foot foot = foot_on_line(line.slope, pass.absolute_row + pass.row + tile.row + row);
-      const ColumnSpan span = span_of(tile, row);
+      ColumnSpan span = span_of(tile, row);
+      if (pass.changed) {
+        const ColumnSpan crossing = crossing_span(pass, line, pass.row + tile.row + row);
+        span = {std::max(span.begin, crossing.begin), std::min(span.end, crossing.end)};
+      }
       if (foot.phase != phase || span.begin >= span.end) {
         continue;
       }
@@ -275,7 +295,7 @@ std::vector<ColumnSpan> transposed(const std::vector<ColumnSpan>& spans, int col
 
 Pass pass_over(const VisibilityGround& ground, raster::CellIndex block, int columns, int rows,
                const VisibilityOptions& options, const std::vector<ColumnSpan>* spans,
-               bool is_transposed) {
+               const CellRectangle* changed, bool is_transposed) {
   const raster::GridGeometry& g = ground.surface_m.geometry();
   Pass pass;
   pass.is_transposed = is_transposed;
@@ -289,9 +309,14 @@ Pass pass_over(const VisibilityGround& ground, raster::CellIndex block, int colu
     of_rows = *spans;
   }
   pass.spans = is_transposed ? transposed(of_rows, columns) : std::move(of_rows);
+  if (changed != nullptr) {
+    pass.changed = is_transposed ? CellRectangle{changed->row, changed->column, changed->rows,
+                                                 changed->columns}
+                                 : *changed;
+  }
   // The lines of a tile run on beyond their own observers' reach, and groups have idle lanes.
   const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m)) + kBlockRows;
-  const int beside = reach + kTileRowsMax + kIdleLanes;
+  const int beside = reach + std::min(pass.rows, kTileRowsMax) + kIdleLanes;
   const Window window{pass.column - beside, pass.row - reach, pass.columns + 2 * beside,
                       pass.rows + 2 * reach};
   pass.ground_m = padded(ground.opaque_m, window, is_transposed, kFarBelow_m, padded_height_m);
@@ -317,20 +342,48 @@ std::int64_t sum_of(const std::vector<std::int32_t>& along_y,
          std::int64_t{static_cast<std::uint32_t>(along_x[(plane * width + c) * height + r])};
 }
 
-}  // namespace
+// Further heights that are looked from together.
+struct Round {
+  std::size_t first = 0;  // of them
+  std::size_t count = 0;
+  std::size_t first_plane = 0;  // of VisibilitySums
+};
 
-VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
-                                     int columns, int rows, const VisibilityOptions& options,
-                                     const VisibilityExecution& execution, Observer& observer,
-                                     const std::vector<ColumnSpan>* spans) {
-  const raster::GridGeometry& g = ground.surface_m.geometry();
-  validate(options, g.cell_m);
-  validate(ground, block, columns, rows);
-  const LineKernel kernel = line_kernel(execution.simd);
-  if (spans != nullptr && spans->size() != static_cast<std::size_t>(rows)) {
-    throw std::invalid_argument("visibility: one span of columns is needed for each row");
+std::vector<Round> rounds_of(std::size_t height_count) {
+  std::vector<Round> rounds;
+  std::size_t plane = 2;
+  for (std::size_t first = 0; rounds.empty() || first < height_count; first += kFurtherHeightsMax) {
+    const std::size_t count = std::min<std::size_t>(kFurtherHeightsMax, height_count - first);
+    rounds.push_back({first, count, plane});
+    plane += count == 0 ? 0 : count + 2;
   }
-  observer.progress(kStage, 0.0, 1.0);
+  return rounds;
+}
+
+// A block, or those of its rays that what has changed concerns.
+struct BlockWork {
+  raster::CellIndex block;
+  int columns = 0;
+  int rows = 0;
+  const std::vector<ColumnSpan>* spans = nullptr;  // null: all
+  const CellRectangle* changed = nullptr;          // null: all rays
+  double progress_begin = 0.0;
+  double progress_end = 1.0;
+};
+
+// Calls round_done(round, sum) after each round, where sum(plane, cell) is what a plane of
+// VisibilitySums holds.
+template <typename RoundDone>
+void run_rounds(const VisibilityGround& ground, const BlockWork& block,
+                const VisibilityOptions& options, const VisibilityExecution& execution,
+                Observer& observer, const RoundDone& round_done) {
+  const raster::GridGeometry& g = ground.surface_m.geometry();
+  const LineKernel kernel = line_kernel(execution.simd);
+  const auto progress = [&](double done) {
+    observer.progress(
+        kStage, block.progress_begin + done * (block.progress_end - block.progress_begin), 1.0);
+  };
+  progress(0.0);
   const int processors = tbb::info::default_concurrency();
   tbb::task_arena arena(execution.threads > 0 ? std::min(execution.threads, processors)
                                               : processors);
@@ -339,34 +392,26 @@ VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::Cel
   arena.execute([&] {
     tbb::parallel_for(0, 2, [&](int is_transposed) {
       (is_transposed == 1 ? along_x : along_y) =
-          pass_over(ground, block, columns, rows, options, spans, is_transposed == 1);
+          pass_over(ground, block.block, block.columns, block.rows, options, block.spans,
+                    block.changed, is_transposed == 1);
     });
   });
   std::vector<Tile> tiles = tiles_of(along_y);
   const std::vector<Tile> more_tiles = tiles_of(along_x);
   tiles.insert(tiles.end(), more_tiles.begin(), more_tiles.end());
-
-  const std::size_t height_count = options.further_heights_m.size();
-  const std::size_t rounds =
-      std::max<std::size_t>(1, (height_count + kFurtherHeightsMax - 1) / kFurtherHeightsMax);
-  VisibilityLayers layers;
-  const raster::GridGeometry geometry = geometry_of_block(g, block, columns, rows);
-  layers.shares.assign(height_count + 1,
-                       raster::Grid<std::uint16_t>(geometry, map::kVisibilityUnknown));
-  layers.is_partial = partial_surroundings(ground.opaque_m, block, columns, rows, options.radius_m);
-  for (std::size_t round = 0; round < rounds; ++round) {
-    const std::size_t first = round * kFurtherHeightsMax;
-    const std::size_t count = std::min<std::size_t>(kFurtherHeightsMax, height_count - first);
+  const std::vector<Round> rounds = rounds_of(options.further_heights_m.size());
+  for (std::size_t r = 0; r < rounds.size(); ++r) {
+    const Round& round = rounds[r];
     VisibilityOptions part = options;
     part.further_heights_m.assign(
-        options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(first),
-        options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(first + count));
+        options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(round.first),
+        options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(round.first + round.count));
     for (Pass* pass : {&along_y, &along_x}) {
       pass->lines = sight_lines(part, g.cell_m, pass->is_transposed, ground.weight != nullptr);
-      pass->further.assign(count == 0 ? 0 : (count + 2) * pass->cell_count(), 0);
+      pass->further.assign(round.count == 0 ? 0 : (round.count + 2) * pass->cell_count(), 0);
     }
     const Work work{&ground, static_cast<float>(options.reference_height_m),
-                    static_cast<int>(count), round > 0, kernel};
+                    static_cast<int>(round.count), r > 0, kernel};
     std::size_t line_count = 0;
     for (const Tile& tile : tiles) {
       line_count += tile.pass->lines.size();
@@ -374,53 +419,117 @@ VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::Cel
     std::atomic<std::size_t> lines_done = 0;
     const auto line_done = [&] {
       const double done = static_cast<double>(++lines_done) / static_cast<double>(line_count);
-      observer.progress(kStage, (static_cast<double>(round) + done) / static_cast<double>(rounds),
-                        1.0);
+      progress((static_cast<double>(r) + done) / static_cast<double>(rounds.size()));
     };
     arena.execute([&] {
       tbb::parallel_for(std::size_t{0}, tiles.size(),
                         [&](std::size_t i) { run_tile(tiles[i], work, observer, line_done); });
     });
-    const auto sum = [&](const std::vector<std::int32_t>& y, const std::vector<std::int32_t>& x,
-                         std::size_t plane, raster::CellIndex cell) {
-      return sum_of(y, x, plane, columns, rows, cell.column, cell.row);
-    };
-    for (int row = 0; row < rows; ++row) {
-      const ColumnSpan span = along_y.spans[static_cast<std::size_t>(row)];
-      for (int column = std::max(span.begin, 0); column < std::min(span.end, columns); ++column) {
-        const raster::CellIndex cell{column, row};
-        const std::int64_t known = sum(along_y.known, along_x.known, 0, cell);
-        if (known == 0 || std::isnan(ground.surface_m.at(block.column + column, block.row + row))) {
-          continue;
-        }
-        const double share = static_cast<double>(sum(along_y.seen, along_x.seen, 0, cell)) /
-                             static_cast<double>(known);
-        if (round == 0) {
-          layers.shares[0].at(cell) = stored_share(share);
-        }
-        if (count == 0) {
-          continue;
-        }
-        const std::int64_t seen = sum(along_y.further, along_x.further, 0, cell);
-        const std::int64_t further_known = sum(along_y.further, along_x.further, count + 1, cell);
-        for (std::size_t i = 0; i < count; ++i) {
-          layers.shares[first + i + 1].at(cell) = further_share(
-              share, sum(along_y.further, along_x.further, i + 1, cell) - seen, further_known);
-        }
-      }
+    round_done(round, [&](std::size_t plane, raster::CellIndex cell) {
+      const auto of = [&](const std::vector<std::int32_t>& y, const std::vector<std::int32_t>& x,
+                          std::size_t at) {
+        return sum_of(y, x, at, block.columns, block.rows, cell.column, cell.row);
+      };
+      return plane == 0   ? of(along_y.seen, along_x.seen, 0)
+             : plane == 1 ? of(along_y.known, along_x.known, 0)
+                          : of(along_y.further, along_x.further, plane - round.first_plane);
+    });
+  }
+}
+
+// Writes what a round tells of a cell with known surface, sum(plane) being its sums.
+template <typename SumAt>
+void write_shares(const Round& round, const SumAt& sum, raster::CellIndex cell,
+                  VisibilityLayers& layers) {
+  const std::int64_t known = sum(1);
+  if (known == 0) {
+    return;
+  }
+  const double share = static_cast<double>(sum(0)) / static_cast<double>(known);
+  if (round.first == 0) {
+    layers.shares[0].at(cell) = stored_share(share);
+  }
+  for (std::size_t i = 0; i < round.count; ++i) {
+    const std::int64_t seen = sum(round.first_plane);
+    layers.shares[round.first + i + 1].at(cell) = further_share(
+        share, sum(round.first_plane + i + 1) - seen, sum(round.first_plane + round.count + 1));
+  }
+}
+
+// Calls cell_of(cell) for each cell of the spans, all without spans.
+template <typename CellOf>
+void for_each_cell(int columns, int rows, const std::vector<ColumnSpan>* spans,
+                   const CellOf& cell_of) {
+  for (int row = 0; row < rows; ++row) {
+    const ColumnSpan span =
+        spans == nullptr ? ColumnSpan{0, columns} : (*spans)[static_cast<std::size_t>(row)];
+    for (int column = std::max(span.begin, 0); column < std::min(span.end, columns); ++column) {
+      cell_of(raster::CellIndex{column, row});
     }
   }
+}
+
+}  // namespace
+
+VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
+                                     int columns, int rows, const VisibilityOptions& options,
+                                     const VisibilityExecution& execution, Observer& observer,
+                                     const std::vector<ColumnSpan>* spans, VisibilitySums* sums) {
+  const raster::GridGeometry& g = ground.surface_m.geometry();
+  validate(options, g.cell_m);
+  validate(ground, block, columns, rows);
+  if (spans != nullptr && spans->size() != static_cast<std::size_t>(rows)) {
+    throw std::invalid_argument("visibility: one span of columns is needed for each row");
+  }
+  const std::size_t height_count = options.further_heights_m.size();
+  VisibilityLayers layers;
+  const raster::GridGeometry geometry = geometry_of_block(g, block, columns, rows);
+  layers.shares.assign(height_count + 1,
+                       raster::Grid<std::uint16_t>(geometry, map::kVisibilityUnknown));
+  layers.is_partial = partial_surroundings(ground.opaque_m, block, columns, rows, options.radius_m);
+  if (sums != nullptr) {
+    const Round last = rounds_of(height_count).back();
+    sums->planes.assign(last.first_plane + (last.count == 0 ? 0 : last.count + 2),
+                        raster::Grid<std::int64_t>(geometry, 0));
+  }
+  run_rounds(
+      ground, {block, columns, rows, spans}, options, execution, observer,
+      [&](const Round& round, const auto& sum) {
+        for_each_cell(columns, rows, spans, [&](raster::CellIndex cell) {
+          if (sums != nullptr) {
+            for (std::size_t plane = 0; plane < 2; ++plane) {
+              sums->planes[plane].at(cell) = sum(plane, cell);
+            }
+            for (std::size_t i = 0; round.count > 0 && i < round.count + 2; ++i) {
+              sums->planes[round.first_plane + i].at(cell) = sum(round.first_plane + i, cell);
+            }
+          }
+          if (!std::isnan(ground.surface_m.at(block.column + cell.column, block.row + cell.row))) {
+            write_shares(
+                round, [&](std::size_t plane) { return sum(plane, cell); }, cell, layers);
+          }
+        });
+      });
   order_by_height(options, layers.shares);
   observer.progress(kStage, 1.0, 1.0);
   return layers;
 }
 
-void update_visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
-                                const CellRectangle& changed, const VisibilityOptions& options,
+void update_visibility_of_block(const VisibilityGround& before, const VisibilityGround& ground,
+                                raster::CellIndex block, const CellRectangle& changed,
+                                const VisibilityOptions& options,
                                 const VisibilityExecution& execution, Observer& observer,
-                                VisibilityLayers& layers) {
-  if (layers.shares.size() != options.further_heights_m.size() + 1) {
-    throw std::invalid_argument("visibility: the layers have not the heights of the options");
+                                VisibilityLayers& layers, VisibilitySums& sums) {
+  const std::vector<Round> rounds = rounds_of(options.further_heights_m.size());
+  const std::size_t plane_count =
+      rounds.back().first_plane + (rounds.back().count == 0 ? 0 : rounds.back().count + 2);
+  if (layers.shares.size() != options.further_heights_m.size() + 1 ||
+      sums.planes.size() != plane_count) {
+    throw std::invalid_argument("visibility: layers or sums have not the heights of the options");
+  }
+  if (before.surface_m.geometry() != ground.surface_m.geometry() ||
+      (before.weight == nullptr) != (ground.weight == nullptr)) {
+    throw std::invalid_argument("visibility: the ground was another raster before");
   }
   const raster::GridGeometry& g = ground.surface_m.geometry();
   const int columns = layers.shares.front().columns();
@@ -454,9 +563,52 @@ void update_visibility_of_block(const VisibilityGround& ground, raster::CellInde
     spans.push_back({std::max(changed.column - half, column_begin) - column_begin,
                      std::min(changed.column + changed.columns + half, column_end) - column_begin});
   }
-  const VisibilityLayers update =
-      visibility_of_block(ground, {column_begin, row_begin}, column_end - column_begin,
-                          row_end - row_begin, options, execution, observer, &spans);
+  // Rays that meet what has changed: what they saw is taken back, what they see is added.
+  const int update_columns = column_end - column_begin;
+  const int update_rows = row_end - row_begin;
+  const raster::CellIndex corner{column_begin, row_begin};
+  const raster::GridGeometry geometry = geometry_of_block(g, corner, update_columns, update_rows);
+  std::vector<raster::Grid<std::int64_t>> more(plane_count,
+                                               raster::Grid<std::int64_t>(geometry, 0));
+  for (const bool is_before : {true, false}) {
+    const BlockWork work{corner,   update_columns,        update_rows,          &spans,
+                         &changed, is_before ? 0.0 : 0.5, is_before ? 0.5 : 1.0};
+    run_rounds(is_before ? before : ground, work, options, execution, observer,
+               [&](const Round& round, const auto& sum) {
+                 for_each_cell(update_columns, update_rows, &spans, [&](raster::CellIndex cell) {
+                   const auto add = [&](std::size_t plane) {
+                     more[plane].at(cell) += is_before ? -sum(plane, cell) : sum(plane, cell);
+                   };
+                   if (round.first == 0) {
+                     add(0);
+                     add(1);
+                   }
+                   for (std::size_t i = 0; round.count > 0 && i < round.count + 2; ++i) {
+                     add(round.first_plane + i);
+                   }
+                 });
+               });
+  }
+  VisibilityLayers update;
+  update.shares.assign(layers.shares.size(),
+                       raster::Grid<std::uint16_t>(geometry, map::kVisibilityUnknown));
+  update.is_partial =
+      partial_surroundings(ground.opaque_m, corner, update_columns, update_rows, options.radius_m);
+  for_each_cell(update_columns, update_rows, &spans, [&](raster::CellIndex cell) {
+    const raster::CellIndex in_block{corner.column + cell.column - block.column,
+                                     corner.row + cell.row - block.row};
+    for (std::size_t plane = 0; plane < plane_count; ++plane) {
+      sums.planes[plane].at(in_block) += more[plane].at(cell);
+    }
+    if (!std::isnan(ground.surface_m.at(corner.column + cell.column, corner.row + cell.row))) {
+      for (const Round& round : rounds) {
+        write_shares(
+            round, [&](std::size_t plane) { return sums.planes[plane].at(in_block); }, cell,
+            update);
+      }
+    }
+  });
+  order_by_height(options, update.shares);
   for (int row = row_begin; row < row_end; ++row) {
     const ColumnSpan& span = spans[static_cast<std::size_t>(row - row_begin)];
     if (span.begin >= span.end) {

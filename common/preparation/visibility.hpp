@@ -56,6 +56,13 @@ struct VisibilityLayers {
   raster::Grid<std::uint8_t> is_partial;
 };
 
+/// Whole numbers of a block that its shares are made of, for update_visibility_of_block().
+struct VisibilitySums {
+  /// Seen and known weights; then, for every four further heights, on the lines that look from
+  /// there too: seen from the reference height, from each of the four, known.
+  std::vector<raster::Grid<std::int64_t>> planes;
+};
+
 /// Share of the surroundings that sees a point at a height over the surface, for a block of cells.
 ///
 /// For every azimuth a ray leaves the point P = (x_0, y_0, e_0 + h_ref) over each cell's centre. It
@@ -89,6 +96,7 @@ struct VisibilityLayers {
 /// @param block      lower left cell of the block, and its size below; must lie inside the raster,
 ///                   which should reach radius_m and two cells beyond it.
 /// @param spans      null, or for each row of the block which of its columns are wanted.
+/// @param sums       null, or takes the sums, which updates need.
 /// @throws std::invalid_argument  options, sizes or SIMD that are not possible
 /// @throws Interrupted
 /// @note  With 180 azimuths over 5 km of 30 m cells, on a busy 2.9 GHz Xeon (Sapphire Rapids): 2.0
@@ -103,7 +111,8 @@ struct VisibilityLayers {
 VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
                                      int columns, int rows, const VisibilityOptions& options,
                                      const VisibilityExecution& execution, Observer& observer,
-                                     const std::vector<ColumnSpan>* spans = nullptr);
+                                     const std::vector<ColumnSpan>* spans = nullptr,
+                                     VisibilitySums* sums = nullptr);
 
 /// A rectangle of cells.
 struct CellRectangle {
@@ -114,17 +123,23 @@ struct CellRectangle {
 };
 
 /// Brings the layers of a block up to date after the ground has changed inside `changed`, which is
-/// given in the raster and may stick out of it. Only cells that can see the difference are
-/// computed, those within radius_m and two cells of it; the result is the same bytes as
+/// given in the raster and may stick out of it. Only cells within radius_m and two cells of it can
+/// see the difference, and of their rays only those that cross it: what these saw before is
+/// taken back from the sums, what they see now is added. The result is the same bytes as
 /// visibility_of_block() over the new ground.
 ///
-/// @param layers  of visibility_of_block() over the old ground, with the same block and options.
-/// @throws std::invalid_argument, Interrupted; then the layers are as they were.
-/// @note  A patch of 32 x 32 cells in 30 m changes up to 110,000 cells: about 0.3 s.
-void update_visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
-                                const CellRectangle& changed, const VisibilityOptions& options,
+/// @param before  the ground as it was; the same as `ground` outside of `changed`.
+/// @param layers  of visibility_of_block() over `before`, with the same block and options.
+/// @param sums    of the same call.
+/// @throws std::invalid_argument, Interrupted; then layers and sums are as they were.
+/// @note  A patch of 32 x 32 cells in 30 m changes up to 110,000 cells: 0.10 to 0.15 s,
+///        where computing these cells anew takes 0.25 to 0.4 s. Sums take 16 bytes a cell, and 8
+///        for each further height and 16 for every four of them.
+void update_visibility_of_block(const VisibilityGround& before, const VisibilityGround& ground,
+                                raster::CellIndex block, const CellRectangle& changed,
+                                const VisibilityOptions& options,
                                 const VisibilityExecution& execution, Observer& observer,
-                                VisibilityLayers& layers);
+                                VisibilityLayers& layers, VisibilitySums& sums);
 
 /// The same bytes, ray by ray and without SIMD; slow. The yardstick of the kernel.
 VisibilityLayers plain_visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,

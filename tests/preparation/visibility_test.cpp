@@ -392,26 +392,56 @@ TEST(Visibility, AChangedPatchUpdatesToTheBytesOfAFullRun) {
   raster::Grid<std::uint8_t> weight(ground_m.geometry(), 40);
   for (const bool is_weighted : {false, true}) {
     const VisibilityGround ground{ground_m, ground_m, is_weighted ? &weight : nullptr};
-    const VisibilityOptions options{1000.0, 15.24, 60, true, 0.13, {40.0, 100.0}};
+    const VisibilityOptions options{1000.0, 15.24, 60, true, 0.13, {40.0, 100.0, 5.0, 60.0, 30.0}};
     const raster::CellIndex block{20, 15};
     SilentObserver observer;
-    auto layers = visibility_of_block(ground, block, 150, 140, options, {1, Simd::kBest}, observer);
+    VisibilitySums sums;
+    auto layers = visibility_of_block(ground, block, 150, 140, options, {1, Simd::kBest}, observer,
+                                      nullptr, &sums);
     for (int i = 0; i < 6; ++i) {
       const CellRectangle patch{
           static_cast<int>(random() % 200) - 10, static_cast<int>(random() % 180) - 10,
           1 + static_cast<int>(random() % 32), 1 + static_cast<int>(random() % 32)};
+      const raster::Grid<float> ground_before_m = ground_m;
+      const raster::Grid<std::uint8_t> weight_before = weight;
       for (int row = std::max(patch.row, 0); row < std::min(patch.row + patch.rows, 170); ++row) {
         for (int column = std::max(patch.column, 0);
              column < std::min(patch.column + patch.columns, 190); ++column) {
           ground_m.at(column, row) =
               random() % 9 == 0 ? kNan : static_cast<float>(random() % 300) - 100.0F;
+          weight.at(column, row) = static_cast<std::uint8_t>(random() % (kGroundWeightMax + 1));
         }
       }
-      update_visibility_of_block(ground, block, patch, options, {2, Simd::kBest}, observer, layers);
+      const VisibilityGround before{ground_before_m, ground_before_m,
+                                    is_weighted ? &weight_before : nullptr};
+      update_visibility_of_block(before, ground, block, patch, options, {2, Simd::kBest}, observer,
+                                 layers, sums);
+      VisibilitySums all_sums;
       expect_same(layers, visibility_of_block(ground, block, 150, 140, options, {1, Simd::kBest},
-                                              observer));
+                                              observer, nullptr, &all_sums));
+      ASSERT_EQ(sums.planes.size(), all_sums.planes.size());
+      for (std::size_t plane = 0; plane < sums.planes.size(); ++plane) {
+        ASSERT_EQ(sums.planes[plane].values(), all_sums.planes[plane].values()) << plane;
+      }
     }
   }
+}
+
+TEST(Visibility, UpdatesNeedTheSumsOfTheSameHeights) {
+  const raster::Grid<float> flat({0.0, 0.0, 30.0, 40, 40}, 10.0F);
+  const VisibilityOptions options{300.0, 15.24, 36, true, 0.13, {50.0}};
+  SilentObserver observer;
+  VisibilitySums sums;
+  auto layers = visibility_of_block({flat, flat}, {0, 0}, 40, 40, options, {1, Simd::kBest},
+                                    observer, nullptr, &sums);
+  const auto update = [&](VisibilitySums of) {
+    update_visibility_of_block({flat, flat}, {flat, flat}, {0, 0}, {3, 3, 2, 2}, options,
+                               {1, Simd::kBest}, observer, layers, of);
+  };
+  EXPECT_NO_THROW(update(sums));
+  EXPECT_THROW(update({}), std::invalid_argument);
+  sums.planes.pop_back();
+  EXPECT_THROW(update(sums), std::invalid_argument);
 }
 
 TEST(Visibility, AGreaterHeightNeverHasASmallerShare) {
