@@ -107,6 +107,7 @@ struct VisibilitySums {
 ///        measures it), so 1.55 and 2.8 us for all of a cell's samples: the layer is at 1.3 and 1.2
 ///        times that. It looks at half of them, since nobody sees the blocks of the others, and
 ///        spends a third of its time on finding these blocks and on interpolating the ground.
+///        Four further heights take 2.7 to 2.9 times as long with AVX-512, 3.1 times with AVX2.
 ///        Memory: 80 to 120 bytes a cell and 8 more for each further height.
 VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
                                      int columns, int rows, const VisibilityOptions& options,

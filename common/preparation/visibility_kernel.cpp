@@ -65,6 +65,8 @@ struct StripObservers {
   const std::int32_t* behind = nullptr;  // buffer_row counted along the rays, from any row
   std::int32_t* from = nullptr;          // row in the task
   std::int32_t* listed = nullptr;        // those that look at a block
+  // With further heights: from which of them, bit 0 being the reference height; parallel to listed
+  std::int32_t* listed_heights = nullptr;
 };
 
 // Bits of a block's kind.
@@ -87,7 +89,7 @@ struct Block {
 template <int kFurther>
 HWY_NOINLINE int list_observers(const RaySteps& steps, const StripObservers& observers,
                                 Floats highest, int first_step, int rows, int begin, int end,
-                                std::int32_t* HWY_RESTRICT listed) {
+                                std::ptrdiff_t listed_before) {
   const FloatTag tag;
   const float* HWY_RESTRICT inverse_distance = steps.inverse_distance_1pm.data();
   const float* HWY_RESTRICT drop_slope = steps.drop_slope.data();
@@ -97,6 +99,8 @@ HWY_NOINLINE int list_observers(const RaySteps& steps, const StripObservers& obs
   const float* HWY_RESTRICT further_greatest = observers.further_greatest;
   const std::int32_t* HWY_RESTRICT behind = observers.behind;
   const std::ptrdiff_t further_plane = observers.further_plane;
+  std::int32_t* HWY_RESTRICT listed = observers.listed + listed_before;
+  std::int32_t* HWY_RESTRICT listed_heights = observers.listed_heights + listed_before;
   std::ptrdiff_t count = 0;
   for (std::ptrdiff_t o = begin; o < end; ++o) {
     const std::ptrdiff_t k = first_step - behind[o];
@@ -105,17 +109,22 @@ HWY_NOINLINE int list_observers(const RaySteps& steps, const StripObservers& obs
     const Floats bound =
         hn::Max(hn::MulSub(above, hn::Set(tag, inverse_distance[k]), drop),
                 hn::MulSub(above, hn::Set(tag, inverse_distance[k + rows - 1]), drop));
-    auto may_be_seen = hn::Ge(bound, hn::Load(tag, greatest + o * kLanes));
+    const auto may_be_seen = hn::Ge(bound, hn::Load(tag, greatest + o * kLanes));
+    std::int32_t heights = hn::AllFalse(tag, may_be_seen) ? 0 : 1;
 #pragma GCC unroll 4
     for (int h = 0; h < kFurther; ++h) {
       const float least =
           std::min(further_slopes[k * kFurther + h], further_slopes[(k + rows - 1) * kFurther + h]);
-      may_be_seen = hn::Or(
-          may_be_seen, hn::Ge(hn::Sub(bound, hn::Set(tag, least)),
-                              hn::Load(tag, further_greatest + h * further_plane + o * kLanes)));
+      const auto from_there =
+          hn::Ge(hn::Sub(bound, hn::Set(tag, least)),
+                 hn::Load(tag, further_greatest + h * further_plane + o * kLanes));
+      heights |= hn::AllFalse(tag, from_there) ? 0 : 2 << h;
     }
     listed[count] = static_cast<std::int32_t>(o);
-    count += hn::AllFalse(tag, may_be_seen) ? 0 : 1;
+    if constexpr (kFurther > 0) {
+      listed_heights[count] = heights;
+    }
+    count += heights == 0 ? 0 : 1;
   }
   return static_cast<int>(count);
 }
@@ -198,20 +207,26 @@ HWY_NOINLINE void look_from_all(const RaySteps& steps, const StripObservers& obs
         counts[i] = hn::Mul(counts[i], hn::Load(tag, block.weight + i * block.stride));
       }
     }
-    Floats greatest = hn::Load(tag, observers.greatest + at);
-    Floats seen = hn::Load(tag, observers.seen + at);
+    const std::int32_t heights = observers.listed_heights[n];
+    if ((heights & 1) != 0) {
+      Floats greatest = hn::Load(tag, observers.greatest + at);
+      Floats seen = hn::Load(tag, observers.seen + at);
 #pragma GCC unroll 8
-    for (int i = 0; i < kBlockRows; ++i) {
-      seen = add_if(hn::Ge(looked_at[i], greatest), seen, counts[i]);
-      greatest = hn::Max(greatest, slope[i]);
+      for (int i = 0; i < kBlockRows; ++i) {
+        seen = add_if(hn::Ge(looked_at[i], greatest), seen, counts[i]);
+        greatest = hn::Max(greatest, slope[i]);
+      }
+      hn::Store(greatest, tag, observers.greatest + at);
+      hn::Store(seen, tag, observers.seen + at);
     }
-    hn::Store(greatest, tag, observers.greatest + at);
-    hn::Store(seen, tag, observers.seen + at);
 #pragma GCC unroll 4
     for (int h = 0; h < kFurther; ++h) {
+      if ((heights & 2 << h) == 0) {
+        continue;
+      }
       const std::ptrdiff_t there = h * observers.further_plane + at;
-      greatest = hn::Load(tag, observers.further_greatest + there);
-      seen = hn::Load(tag, observers.further_seen + there);
+      Floats greatest = hn::Load(tag, observers.further_greatest + there);
+      Floats seen = hn::Load(tag, observers.further_seen + there);
 #pragma GCC unroll 8
       for (int i = 0; i < kBlockRows; ++i) {
         const Floats lower = hn::Set(tag, further_slopes[(k + i) * kFurther + h]);
@@ -535,7 +550,7 @@ void look_along(const LineTask& task, const Strip& strip, StripObservers& observ
                                 : hn::Max(highest, hn::Load(tag, highest_m + direction * kLanes));
       far_count =
           list_observers<kFurther>(steps, observers, of_two, block.first_step, 2 * kBlockRows,
-                                   plan.asked_twice_begin, plan.asked_twice_end, observers.listed);
+                                   plan.asked_twice_begin, plan.asked_twice_end, 0);
     }
     if ((kind & kHasUnknown) != 0 || block.weight != nullptr) {
       add_unknown(task, observers, block, kind, plan.reach_begin, plan.reach_end);
@@ -545,7 +560,7 @@ void look_along(const LineTask& task, const Strip& strip, StripObservers& observ
     }
     const int count =
         list_observers<kFurther>(steps, observers, highest, block.first_step, kBlockRows,
-                                 plan.asked_begin, plan.asked_end, observers.listed + far_count);
+                                 plan.asked_begin, plan.asked_end, far_count);
     look_at_block<kFurther>(steps, observers, block, kind, far_count + count);
   }
 }
@@ -584,6 +599,7 @@ void run(const LineTask& task, float* floats, std::int32_t* indices) {
   observers.buffer_row = take(indices, row_count);
   observers.from = take(indices, row_count);
   observers.listed = take(indices, row_count);
+  observers.listed_heights = take(indices, row_count);
   Course upwards{1, 0, 0, take(indices, row_count), plans};
   Course downwards{-1, 0, 0, take(indices, row_count), plans + task.buffer_rows / kBlockRows};
   const std::vector<ObserverRow>& rows = *task.rows;
@@ -770,7 +786,7 @@ void add_lines(const LineTask& task, LineBuffers& buffers, LineKernel kernel) {
   const std::size_t observers = task.rows->size();
   const auto further = static_cast<std::size_t>(task.further_count);
   buffers.indices.resize(std::max(buffers.indices.size(),
-                                  (kStripsTogether + 2 * kPlanNumbers) * blocks + 5 * observers));
+                                  (kStripsTogether + 2 * kPlanNumbers) * blocks + 6 * observers));
   kernel(task,
          aligned(buffers.floats, kLanesMax * (kStripsTogether * (3 * rows + blocks) +
                                               (5 + 3 * further) * observers)),
