@@ -198,6 +198,83 @@ void add_values(const Json& value, const std::string& name, int depth, std::ostr
   }
 }
 
+// Whether a ring goes around the point: a ray eastwards crosses it an odd number of times.
+bool goes_around(const std::vector<geo::MapPoint>& ring, const geo::MapPoint& point) {
+  bool is_around = false;
+  for (std::size_t i = 1; i < ring.size(); ++i) {
+    const geo::MapPoint& a = ring[i - 1];
+    const geo::MapPoint& b = ring[i];
+    if ((a.y_m > point.y_m) != (b.y_m > point.y_m) &&
+        point.x_m < a.x_m + (point.y_m - a.y_m) / (b.y_m - a.y_m) * (b.x_m - a.x_m)) {
+      is_around = !is_around;
+    }
+  }
+  return is_around;
+}
+
+bool is_over_area(const Area& area, const geo::MapPoint& point) {
+  return std::any_of(area.polygons.begin(), area.polygons.end(), [&](const Area::Polygon& polygon) {
+    return goes_around(polygon.outer, point) &&
+           std::none_of(polygon.holes.begin(), polygon.holes.end(),
+                        [&](const auto& hole) { return goes_around(hole, point); });
+  });
+}
+
+// Null where the area ends at the ground, or nowhere.
+Json limit_json(const AreaLimit& limit) {
+  if (std::isinf(limit.value_m)) {
+    return nullptr;
+  }
+  return {{"value_m", limit.value_m},
+          {"above", limit.reference == AreaLimit::Reference::kAmsl ? "sea level" : "ground"}};
+}
+
+Json areas_at(const Map& map, const geo::MapPoint& point) {
+  Json areas = Json::array();
+  for (const Area& area : map.areas) {
+    if (is_over_area(area, point)) {
+      areas.push_back({{"name", area.name},
+                       {"kind", area.kind},
+                       {"is_hard", area.is_hard},
+                       {"floor", limit_json(area.floor)},
+                       {"ceiling", limit_json(area.ceiling)}});
+    }
+  }
+  return areas;
+}
+
+// Whose circle, position error and safety radius included, the point lies in.
+Json obstacles_at(const Map& map, const geo::MapPoint& point) {
+  Json obstacles = Json::array();
+  for (const Obstacle& obstacle : map.obstacles) {
+    if (std::hypot(point.x_m - obstacle.point.x_m, point.y_m - obstacle.point.y_m) <=
+        obstacle.radius_m) {
+      obstacles.push_back({{"name", obstacle.name},
+                           {"kind", name_of(obstacle.kind)},
+                           {"height_m", number_or_null(obstacle.height_m, 0.1)},
+                           {"radius_m", number_or_null(obstacle.radius_m, 0.1)}});
+    }
+  }
+  return obstacles;
+}
+
+std::string area_text(const Json& area) {
+  const auto limit = [](const Json& end, const char* otherwise) {
+    std::ostringstream text;
+    if (end.is_null()) {
+      return std::string(otherwise);
+    }
+    text << std::fixed << std::setprecision(0) << end["value_m"].get<double>() << " m above "
+         << end["above"].get<std::string>();
+    return text.str();
+  };
+  const std::string name = area["name"].get<std::string>();
+  const std::string kind = area["kind"].get<std::string>();
+  return (name.empty() ? "without a name" : name) + (kind.empty() ? "" : " (" + kind + ")") +
+         (area["is_hard"].get<bool>() ? ", must not be entered, " : ", to be avoided, ") +
+         limit(area["floor"], "ground") + " to " + limit(area["ceiling"], "no end");
+}
+
 }  // namespace
 
 std::string map_description_json(const Map& map, const std::string& manifest_json) {
@@ -317,6 +394,8 @@ std::string place_description_json(const Map& map, const geo::GeodeticPosition& 
     }
   }
   result["classes"] = std::move(classes);
+  result["areas"] = areas_at(map, place.point);
+  result["obstacles"] = obstacles_at(map, place.point);
   result["visibility"] = number_or_null(visibility_share(map.visibility.at(place.cell)), 1e-6);
   result["reference_height_m"] = map.reference_height_m;
   const auto source = folder.empty() ? std::nullopt : read_cell_source(map, folder, place.cell);
@@ -357,6 +436,15 @@ std::string place_description_text(const Map& map, const geo::GeodeticPosition& 
     classes += (classes.empty() ? "" : ", ") + name.get<std::string>();
   }
   line("land use", classes.empty() ? "none" : classes);
+  for (const Json& area : place["areas"]) {
+    line("area", area_text(area));
+  }
+  for (const Json& obstacle : place["obstacles"]) {
+    const std::string name = obstacle["name"].get<std::string>();
+    line("obstacle", obstacle["kind"].get<std::string>() + (name.empty() ? "" : " " + name) +
+                         ", up to " + obstacle["height_m"].dump() + " m above the terrain within " +
+                         obstacle["radius_m"].dump() + " m");
+  }
   line("visibility", place["visibility"].is_number()
                          ? percent(place["visibility"]) + " of the surroundings see a point " +
                                place["reference_height_m"].dump() + " m above the surface"

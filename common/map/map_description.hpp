@@ -16,7 +16,8 @@ std::string map_description_text(const Map& map, const std::string& manifest_jso
 std::string map_description_json(const Map& map, const std::string& manifest_json);
 
 /// What the map says about the cell that holds a place: elevations, height of what stands there,
-/// semantic classes, visibility; NaN of a layer is null in JSON and "unknown" in text.
+/// semantic classes, visibility; NaN of a layer is null in JSON and "unknown" in text. Areas that
+/// lie over or under the place itself, and obstacles whose radius holds it.
 /// With the bundle's folder also where those heights come from: the elevation file, and whether the
 /// height of what stands there is stated, counted by storeys or guessed.
 /// Throws DataError if the place lies outside the map or the map has no coordinate system.

@@ -56,6 +56,56 @@ TEST(MapDescription, SaysWhatLiesAtAPlace) {
   EXPECT_THAT(place_description_text(map, at_deg(0.0001, 9.0)), HasSubstr("forest, power_line"));
 }
 
+TEST(MapDescription, NamesTheAreasAndObstaclesAtAPlace) {
+  Map map = map_at_the_equator();
+  const double west_m = map.geometry.west_m;
+  const double south_m = map.geometry.south_m;
+  const auto square = [&](double from_m, double to_m) {
+    return std::vector<geo::MapPoint>{{west_m + from_m, south_m + from_m},
+                                      {west_m + to_m, south_m + from_m},
+                                      {west_m + to_m, south_m + to_m},
+                                      {west_m + from_m, south_m + to_m},
+                                      {west_m + from_m, south_m + from_m}};
+  };
+  constexpr double kEndless = std::numeric_limits<double>::infinity();
+  // GIVEN a restricted square of 600 m with a hole from 300 to 400 m, and a mast in its first cell
+  map.areas = {{"ED-R 1",
+                "R",
+                true,
+                {100.0, AreaLimit::Reference::kAboveGround},
+                {kEndless, AreaLimit::Reference::kAmsl},
+                {{square(0.0, 600.0), {square(300.0, 400.0)}}}},
+               {"far", "D", false, {}, {}, {{square(900.0, 1000.0), {}}}}};
+  Obstacle mast;
+  mast.kind = ObstacleKind::kMast;
+  mast.point = {west_m + 15.0, south_m + 15.0};
+  mast.radius_m = 40.0;
+  mast.height_m = 80.0;
+  map.obstacles = {mast};
+  const geo::MapProjection projection(map.crs_wkt);
+  const auto at_m = [&](double x_m, double y_m) {
+    return projection.to_geodetic({west_m + x_m, south_m + y_m});
+  };
+  // THEN its name stands at a place inside, and nowhere else
+  const auto place = nlohmann::json::parse(place_description_json(map, at_m(20.0, 20.0)));
+  ASSERT_EQ(place["areas"].size(), 1U);
+  EXPECT_EQ(place["areas"][0]["name"], "ED-R 1");
+  EXPECT_EQ(place["areas"][0]["is_hard"], true);
+  EXPECT_EQ(place["areas"][0]["floor"]["value_m"], 100.0);
+  EXPECT_EQ(place["areas"][0]["floor"]["above"], "ground");
+  EXPECT_TRUE(place["areas"][0]["ceiling"].is_null());
+  ASSERT_EQ(place["obstacles"].size(), 1U);
+  EXPECT_EQ(place["obstacles"][0]["height_m"], 80.0);
+  EXPECT_THAT(place_description_text(map, at_m(20.0, 20.0)),
+              HasSubstr("ED-R 1 (R), must not be entered, 100 m above ground to no end"));
+  for (const double in_hole_or_beside_m : {350.0, 700.0}) {
+    const auto other = nlohmann::json::parse(
+        place_description_json(map, at_m(in_hole_or_beside_m, in_hole_or_beside_m)));
+    EXPECT_TRUE(other["areas"].empty()) << in_hole_or_beside_m;
+    EXPECT_TRUE(other["obstacles"].empty());
+  }
+}
+
 TEST(MapDescription, UnknownIsNullAndNeverANumber) {
   const Map map = map_at_the_equator();
   // 30 m are 0.00027 degrees.
