@@ -332,11 +332,21 @@ BlobExchange::BlobExchange(const BlobExchangeOptions& options, Bus& bus)
 BlobExchange::~BlobExchange() = default;
 
 messages::BlobRef BlobExchange::offer(ByteView content, bool send_now) {
-  Bytes packed = pack(content);
+  return offer_packed(pack(content), static_cast<std::int64_t>(content.size()), send_now);
+}
+
+messages::BlobRef BlobExchange::offer_records(ByteView content, std::size_t record_bytes,
+                                              bool send_now) {
+  return offer_packed(pack_records(content, record_bytes),
+                      static_cast<std::int64_t>(content.size()), send_now);
+}
+
+messages::BlobRef BlobExchange::offer_packed(Bytes packed, std::int64_t content_bytes,
+                                             bool send_now) {
   BlobRef ref;
   ref.id = hash128(packed);
   ref.packed_bytes = static_cast<std::int64_t>(packed.size());
-  ref.content_bytes = static_cast<std::int64_t>(content.size());
+  ref.content_bytes = content_bytes;
   const auto [place, is_new] = impl_->offered.try_emplace(ref.id);
   if (is_new) {
     Offered& blob = place->second;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -60,6 +61,8 @@ class BlobExchange {
   /// Packs and keeps content, to answer questions for it. With `send_now` all chunks are queued at
   /// once, so that readers and recorders get them unasked. Offering again is harmless.
   messages::BlobRef offer(ByteView content, bool send_now);
+  /// The same for content that ends in smooth records, packed by pack_records().
+  messages::BlobRef offer_records(ByteView content, std::size_t record_bytes, bool send_now);
   /// Queues all chunks of an offered blob again.
   void send_again(const Hash128& blob_id);
   void withdraw(const Hash128& blob_id);
@@ -91,6 +94,8 @@ class BlobExchange {
   [[nodiscard]] double next_tick_s(Time now) const;
 
  private:
+  messages::BlobRef offer_packed(Bytes packed, std::int64_t content_bytes, bool send_now);
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 
 #include "base/hash.hpp"
@@ -21,6 +22,9 @@ std::string decode_planning_config(ByteView bytes);
 Bytes encode_route_plan(const flight::RoutePlan& plan);
 /// Throws MessageError; also when the request id is not that of map, request and config.
 flight::RoutePlan decode_route_plan(ByteView bytes);
+
+/// Bytes of one state; an encoded flight plan ends in its states.
+inline constexpr std::size_t kFlightStateBytes = 19 * sizeof(double);
 
 /// The plan without its route plan, which is the blob `route_blob_id`.
 Bytes encode_flight_plan(const flight::Plan& plan, const Hash128& route_blob_id);

@@ -18,7 +18,8 @@ namespace {
 using messages::ServiceState;
 using messages::Stamp;
 
-constexpr std::size_t kKeptRoutes = 16;
+constexpr std::size_t kKnownRoutes = 1024;
+constexpr std::size_t kKeptModels = 16;
 constexpr std::size_t kLockstepTargetsMax = 1000;
 constexpr double kJoining_m = 0.5;  // a state is 2 m from the next one at 40 m/s
 
@@ -198,8 +199,11 @@ CommandModelService::~CommandModelService() = default;
 void CommandModelService::receive(const messages::VehicleTarget& target) {
   if (!target.is_lockstep) {
     target_ = target;
-  } else if (lockstep_targets_.size() < kLockstepTargetsMax) {
-    lockstep_targets_.push_back(target);  // else: its sender repeats it
+  } else {
+    if (lockstep_targets_.size() == kLockstepTargetsMax) {
+      lockstep_targets_.pop_front();  // its sender repeats it, if it still waits
+    }
+    lockstep_targets_.push_back(target);
   }
 }
 
@@ -209,12 +213,11 @@ void CommandModelService::remember_route(const Hash128& request_id,
     return;
   }
   route_order_.push_back(request_id);
-  if (route_order_.size() > kKeptRoutes) {
+  if (route_order_.size() > kKnownRoutes) {
     const Hash128 oldest = route_order_.front();
     route_order_.pop_front();
     exchange_.forget(routes_.at(oldest).id);
     routes_.erase(oldest);
-    models_.erase(oldest);
   }
 }
 
@@ -234,6 +237,16 @@ CommandModelService::Model CommandModelService::model_of(const Hash128& request_
   }
   const planning::PlanningConfig config = planning::read_planning_config(
       messages::decode_route_plan(*content).config_text, "config of the route");
+  if (model_order_.size() == kKeptModels) {
+    const Hash128 oldest = model_order_.front();
+    model_order_.pop_front();
+    models_.erase(oldest);
+    const auto its_route = routes_.find(oldest);
+    if (its_route != routes_.end()) {
+      exchange_.forget(its_route->second.id);  // asked for again if it is needed again
+    }
+  }
+  model_order_.push_back(request_id);
   return models_.emplace(request_id, std::make_shared<command_model::CommandModel>(config.vehicle))
       .first->second;
 }

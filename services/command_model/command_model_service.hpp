@@ -88,6 +88,7 @@ class CommandModelService {
   std::map<Hash128, messages::BlobRef> routes_;
   std::deque<Hash128> route_order_;  // oldest first
   std::map<Hash128, Model> models_;
+  std::deque<Hash128> model_order_;  // oldest first
   std::optional<messages::TrajectoryHeader> next_trajectory_;
   Hash128 flown_plan_;  // blob of the newest trajectory that was started
   std::deque<messages::VehicleTarget> lockstep_targets_;

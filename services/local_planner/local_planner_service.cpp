@@ -120,7 +120,8 @@ std::variant<Answer, flight::NoPlan> LocalPlannerService::plan(const messages::R
   header.map_hash = map.hash;
   header.patch_number = route.patch_number;
   header.route = route.plan;
-  header.plan = exchange_.offer(messages::encode_flight_plan(plan, route.plan.id), true);
+  header.plan = exchange_.offer_records(messages::encode_flight_plan(plan, route.plan.id),
+                                        messages::kFlightStateBytes, true);
   header.duration_s = plan.measures.duration_s;
   header.length_m = plan.measures.length_m;
   header.clearance_min_m = plan.verdict.clearance_min_m;

@@ -1,9 +1,12 @@
 #include "bus/blob_exchange.hpp"
 
+#include <bit>
+#include <cmath>
 #include <cstring>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <iostream>
+#include <limits>
 #include <map>
 #include <memory>
 #include <random>
@@ -336,6 +339,103 @@ TEST(Packing, ComesBackAndClaimsAreChecked) {
   }
   EXPECT_THROW(unpack(Bytes(), 0), messages::MessageError);
   EXPECT_THROW(unpack(random_bytes(random, 100), 1LL << 60), messages::MessageError);
+}
+
+void append_big_endian(Bytes& bytes, double value) {
+  const auto word = std::bit_cast<std::uint64_t>(value);
+  for (int shift = 56; shift >= 0; shift -= 8) {
+    bytes.push_back(static_cast<std::byte>(word >> shift));
+  }
+}
+
+TEST(Packing, RecordsComeBackBitForBitWhateverTheyHold) {
+  std::mt19937_64 random(fresh_seed());
+  const std::vector<double> odd = {0.0,
+                                   -0.0,
+                                   1.0,
+                                   -1.0,
+                                   std::numeric_limits<double>::infinity(),
+                                   -std::numeric_limits<double>::infinity(),
+                                   std::numeric_limits<double>::quiet_NaN(),
+                                   std::numeric_limits<double>::denorm_min(),
+                                   std::numeric_limits<double>::lowest()};
+  for (const std::size_t record_bytes : {8U, 24U, 152U, 4096U}) {
+    for (const std::size_t size : {0U, 5U, 8U, 4096U, 50'003U}) {
+      Bytes content = random_bytes(random, size);
+      for (std::size_t i = 0; i < size / 20; ++i) {
+        append_big_endian(content, odd[random() % odd.size()]);
+      }
+      EXPECT_EQ(
+          unpack(pack_records(content, record_bytes), static_cast<std::int64_t>(content.size())),
+          content)
+          << record_bytes << " and " << content.size();
+    }
+  }
+}
+
+TEST(Packing, SmoothRecordsBecomeHalfAsLongAsByCompressionAlone) {
+  std::mt19937_64 random(fresh_seed());
+  std::uniform_real_distribution<double> phase_rad(0.0, 6.28);
+  const double first_rad = phase_rad(random);
+  const double second_rad = phase_rad(random);
+  Bytes content = random_bytes(random, 77);
+  for (int step = 0; step < 5000; ++step) {
+    const double time_s = 0.05 * step;
+    append_big_endian(content, 690'000.0 + 3000.0 * std::sin(0.02 * time_s + first_rad));
+    append_big_endian(content, 0.5 * std::cos(0.3 * time_s + second_rad));
+  }
+  const Bytes packed = pack_records(content, 16);
+  EXPECT_LT(packed.size() * 2, pack(content).size());
+  EXPECT_EQ(unpack(packed, static_cast<std::int64_t>(content.size())), content);
+}
+
+TEST(Packing, RecordsAreReadAsTheFormatSays) {
+  // One byte before four records of the number 1.0, a = 0xBFF0... in the floats' order; the
+  // sequence 0, 0, 0, a, a, a, a has the third differences a, -2a, a, 0, folded to 0x801FFF...,
+  // 0xFFBFFF..., 0x801FFF..., 0. The frame holds them uncompressed.
+  std::vector<int> numbers = {'H',
+                              'R',
+                              '3',
+                              'D',
+                              0,
+                              0,
+                              0,
+                              8,  // eight bytes a record
+                              0x28,
+                              0xB5,
+                              0x2F,
+                              0xFD,
+                              0x20,
+                              33,  // content size 33
+                              (33 << 3 | 1) & 255,
+                              (33 << 3 | 1) >> 8,
+                              0,
+                              0x5A};
+  for (int plane = 0; plane < 6; ++plane) {
+    numbers.insert(numbers.end(), {0xFF, 0xFF, 0xFF, 0x00});
+  }
+  numbers.insert(numbers.end(), {0x1F, 0xBF, 0x1F, 0x00, 0x80, 0xFF, 0x80, 0x00});
+  Bytes packed;
+  for (const int number : numbers) {
+    packed.push_back(static_cast<std::byte>(number));
+  }
+  Bytes content(1, std::byte{0x5A});
+  for (int i = 0; i < 4; ++i) {
+    append_big_endian(content, 1.0);
+  }
+  EXPECT_EQ(unpack(packed, 33), content);
+
+  for (const int record_bytes : {0, 7, 12}) {
+    packed[7] = static_cast<std::byte>(record_bytes);
+    EXPECT_THROW(unpack(packed, 33), messages::MessageError) << record_bytes;
+    EXPECT_THROW(pack_records(content, static_cast<std::size_t>(record_bytes)),
+                 std::invalid_argument);
+  }
+  packed[7] = std::byte{0};
+  packed[6] = std::byte{0x20};  // 8192 bytes
+  EXPECT_THROW(unpack(packed, 33), messages::MessageError);
+  packed.resize(7);
+  EXPECT_THROW(unpack(packed, 33), messages::MessageError);
 }
 
 // ----------------------------------------------------------------------------------------------

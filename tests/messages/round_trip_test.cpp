@@ -503,6 +503,17 @@ TEST(RoundTrip, RouteAndFlightBlobsGiveTheWholePlanBack) {
   EXPECT_EQ(wire.violations[1].demanded, b.violations[1].limit);
 }
 
+TEST(RoundTrip, AFlightGrowsByTheBytesOfAStateAndEndsInIt) {
+  flight::Plan plan = test::example_plan();
+  const std::size_t bytes = encode_flight_plan(plan, {7, 8}).size();
+  plan.trajectory.states.push_back(plan.trajectory.states.back());
+  plan.trajectory.states.back().terrain_m = 1.0;  // the last field: 0x3FF0...
+  const Bytes longer = encode_flight_plan(plan, {7, 8});
+  EXPECT_EQ(longer.size() - bytes, kFlightStateBytes);
+  EXPECT_EQ(longer[longer.size() - 8], std::byte{0x3F});
+  EXPECT_EQ(longer[longer.size() - 7], std::byte{0xF0});
+}
+
 TEST(RoundTrip, FlightOfAnotherRouteIsRefused) {
   const flight::Plan plan = test::example_plan();
   const Bytes bytes = encode_flight_plan(plan, {7, 8});

@@ -92,6 +92,54 @@ TEST_F(CommandModelServiceTest, ALockstepTargetIsAnsweredByOneStepHoweverOftenIt
   }
 }
 
+TEST_F(CommandModelServiceTest, NeitherManyOtherRoutesNorUnanswerableTargetsKeepLockstepWaiting) {
+  bus::Bus& bus = chain_.listener().bus;
+  bus::BlobExchange& exchange = chain_.listener().exchange;
+  messages::VehicleTarget target;
+  target.is_lockstep = true;
+  target.step_s = 0.05;
+  target.state = command_model::trimmed_state(10.0, 20.0, 500.0, 40.0, 0.3, 1.0);
+  target.command = {38.0, 0.9, 3.0};
+  bus.publish(messages::kRouteChannel, route_, bus.now());
+  std::vector<messages::RouteHeader> others;
+  for (std::uint64_t i = 0; i < 40; ++i) {
+    flight::RoutePlan other = plan_.route_plan;
+    other.request.seed += 1 + i;
+    other.request_id = flight::plan_request_id(other.request, other.map.hash, other.config_text);
+    messages::RouteHeader header = route_;
+    header.request_id = other.request_id;
+    header.plan = exchange.offer(messages::encode_route_plan(other), false);
+    others.push_back(header);
+    bus.publish(messages::kRouteChannel, header, bus.now());
+  }
+  const auto is_answered = [&](const Hash128& request_id, std::int64_t step_number) {
+    chain_.vehicle_states.clear();
+    target.request_id = request_id;
+    target.step_number = step_number;
+    bus.publish(messages::kVehicleTargetChannel, target, bus.now());
+    return chain_.turn_until(
+        [&] {
+          return !chain_.vehicle_states.empty() &&
+                 chain_.vehicle_states.back().step_number == step_number;
+        },
+        5.0);
+  };
+  // More routes than models are kept: the first, all the others, the first again.
+  EXPECT_TRUE(is_answered(route_.request_id, 1));
+  for (const messages::RouteHeader& other : others) {
+    ASSERT_TRUE(is_answered(other.request_id, 2));
+  }
+  EXPECT_TRUE(is_answered(route_.request_id, 3));
+
+  target.request_id = {1, 2};  // of no route
+  for (int i = 0; i < 1200; ++i) {
+    target.step_number = i;
+    bus.publish(messages::kVehicleTargetChannel, target, bus.now());
+    chain_.turn();
+  }
+  EXPECT_TRUE(is_answered(route_.request_id, 4));
+}
+
 TEST_F(CommandModelServiceTest, ARealTimeTargetIsFollowedUntilItIsTooOld) {
   bus::Bus& bus = chain_.listener().bus;
   messages::VehicleTarget target;
