@@ -52,10 +52,13 @@ double seconds_since(SteadyTime time) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - time).count();
 }
 
-double median(std::vector<double> values) {
+// Between the two values on either side of `share` of the sorted values; not of none.
+double quantile(std::vector<double> values, double share) {
   std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return n % 2 == 1 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
+  const double place = share * static_cast<double>(values.size() - 1);
+  const auto below = static_cast<std::size_t>(place);
+  const std::size_t above = std::min(below + 1, values.size() - 1);
+  return values[below] + (place - static_cast<double>(below)) * (values[above] - values[below]);
 }
 
 // A folder for logs of the services, gone with the object.
@@ -397,9 +400,9 @@ ExitCode run(const Console& console, Arguments arguments) {
   const auto problems = draw_problems(map, config, options, options.plans + 1, seed, *observer);
 
   Chain chain(console, arguments.map, bus::private_url(), *observer);
-  const flight::Plan first = chain.plan(problems[0], config.text, options.timeout_s);
+  flight::Plan newest = chain.plan(problems[0], config.text, options.timeout_s);
   const double first_s = seconds_since(chain.first_index());
-  chain.compare(first, problems[0]);
+  chain.compare(newest, problems[0]);
   std::vector<double> overheads_s;
   ordered_json plans = ordered_json::array();
   for (std::size_t i = 1; i < problems.size(); ++i) {
@@ -409,37 +412,42 @@ ExitCode run(const Console& console, Arguments arguments) {
     planning::plan(map, problems[i].request, config, {}, silent);
     const double in_process_s = seconds_since(begin);
     begin = std::chrono::steady_clock::now();
-    const flight::Plan plan = chain.plan(problems[i], config.text, options.timeout_s);
+    newest = chain.plan(problems[i], config.text, options.timeout_s);
     const double over_bus_s = seconds_since(begin);
-    chain.compare(plan, problems[i]);
+    chain.compare(newest, problems[i]);
     overheads_s.push_back(over_bus_s - in_process_s);
     plans.push_back({{"in_process_s", in_process_s}, {"over_bus_s", over_bus_s}});
   }
   const double steps_per_s =
-      chain.lockstep_steps_per_s(first, options.lockstep_steps, options.timeout_s);
+      chain.lockstep_steps_per_s(newest, options.lockstep_steps, options.timeout_s);
   const Chain::Transfer transfer = chain.transfer(options.timeout_s);
   chain.stop();
 
-  ordered_json json = {
-      {"schema", "hedgehop evaluate bus"},
-      {"schema_version", 1},
-      {"seed", seed},
-      {"map",
-       {{"columns", map.geometry.columns},
-        {"rows", map.geometry.rows},
-        {"layers", 4 + map.further_visibility.size()},
-        {"raster_mb", transfer.raster_mb},
-        {"packed_mb", transfer.packed_mb}}},
-      {"lockstep_steps", options.lockstep_steps},
-      {"lockstep_steps_per_s", steps_per_s},
-      {"map_transfer_s", transfer.seconds},
-      {"tile_mb_per_s", transfer.raster_mb / transfer.seconds},
-      {"first_plan_in_process_s", problems[0].in_process_s},
-      {"first_plan_over_bus_s", first_s},
-      {"first_plan_overhead_s", first_s - problems[0].in_process_s},
-      {"plan_overhead_s", overheads_s.empty() ? ordered_json() : ordered_json(median(overheads_s))},
-      {"plans", plans},
-      {"is_same", chain.is_same()}};
+  ordered_json json = {{"schema", "hedgehop evaluate bus"},
+                       {"schema_version", 1},
+                       {"seed", seed},
+                       {"map",
+                        {{"columns", map.geometry.columns},
+                         {"rows", map.geometry.rows},
+                         {"layers", 4 + map.further_visibility.size()},
+                         {"raster_mb", transfer.raster_mb},
+                         {"packed_mb", transfer.packed_mb}}},
+                       {"lockstep_steps", options.lockstep_steps},
+                       {"lockstep_steps_per_s", steps_per_s},
+                       {"map_transfer_s", transfer.seconds},
+                       {"tile_mb_per_s", transfer.raster_mb / transfer.seconds},
+                       {"first_plan_in_process_s", problems[0].in_process_s},
+                       {"first_plan_over_bus_s", first_s},
+                       {"first_plan_overhead_s", first_s - problems[0].in_process_s},
+                       {"plan_overhead_s", nullptr},
+                       {"plan_overhead_quartiles_s", nullptr},
+                       {"plans", plans},
+                       {"is_same", chain.is_same()}};
+
+  if (!overheads_s.empty()) {
+    json["plan_overhead_s"] = quantile(overheads_s, 0.5);
+    json["plan_overhead_quartiles_s"] = {quantile(overheads_s, 0.25), quantile(overheads_s, 0.75)};
+  }
 
   std::string reason;
   if (arguments.is_without_loss) {
@@ -493,8 +501,10 @@ ExitCode run(const Console& console, Arguments arguments) {
     std::printf("first plan       %.2f s, %.2f s in process: %+.2f s for the bus and the map\n",
                 first_s, problems[0].in_process_s, first_s - problems[0].in_process_s);
     if (!overheads_s.empty()) {
-      std::printf("later plans      %+.3f s for the bus (median of %zu)\n", median(overheads_s),
-                  overheads_s.size());
+      std::printf(
+          "later plans      %+.3f s for the bus (median of %zu; half are from %+.3f to %+.3f)\n",
+          quantile(overheads_s, 0.5), overheads_s.size(), quantile(overheads_s, 0.25),
+          quantile(overheads_s, 0.75));
     }
     if (!reason.empty()) {
       std::printf("packet loss      %s\n", reason.c_str());

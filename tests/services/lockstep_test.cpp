@@ -54,8 +54,9 @@ class LockstepTest : public ::testing::Test {
     const auto wanted = std::get<flight::Plan>(
         planning::plan(map_, test::across_the_hills(map_), shipped_planning(), {}, observer));
     const messages::TrajectoryHeader& header = chain_.trajectories.back();
-    EXPECT_EQ(header.plan, chain_.listener().exchange.offer(
-                               messages::encode_flight_plan(wanted, header.route.id), false));
+    EXPECT_EQ(header.plan, chain_.listener().exchange.offer_records(
+                               messages::encode_flight_plan(wanted, header.route.id),
+                               messages::kFlightStateBytes, false));
   }
   // Some state of the local planner's status says that.
   bool was_told(const std::string& text) const {
