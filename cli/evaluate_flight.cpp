@@ -71,8 +71,8 @@ ExitCode run(const Console& console, const Arguments& arguments) {
     }
   }
   std::printf("%s\n", result.is_held
-                          ? "every flight with feed-forward kept its path, within its power"
-                          : "NOT every flight with feed-forward kept its path, within its power");
+                          ? "every flight kept its path, with feed-forward within its power"
+                          : "NOT every flight kept its path, with feed-forward within its power");
   return result.is_held ? ExitCode::kOk : ExitCode::kFailure;
 }
 
@@ -85,10 +85,9 @@ void add_flight_evaluation_verb(CLI::App& evaluate, Console& console) {
       "Draws problems, plans them and flies each verified plan eight times: by the planner's "
       "closed-loop model and by an independent plant with the power of a rotor (rotor_plant.yaml), "
       "with and without the plan's states as feed-forward, without and with wind. Deviations are "
-      "those from the path beside the vehicle. Exit code 1 if a flight with feed-forward left the "
-      "margins of evaluation.yaml or asked for more power than there is. A torque margin of 0.1 "
-      "says that a tenth of the "
-      "available torque was never needed.\n"
+      "those from the path beside the vehicle. Exit code 1 if a flight left the margins of "
+      "evaluation.yaml, or if one with feed-forward asked for more power than there is. A torque "
+      "margin of 0.1 says that a tenth of the available torque was never needed.\n"
       "Example:\n"
       "  hedgehop evaluate flight --map map --plans 20 --json");
   auto arguments = std::make_shared<Arguments>();

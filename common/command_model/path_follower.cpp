@@ -70,6 +70,19 @@ PathFollower::Place PathFollower::at(double place) const {
   return result;
 }
 
+PathFollower::Place PathFollower::with_chord(const Place& from, const Place& to) {
+  Place result = from;
+  result.climb_rate_mps = 0.0;
+  const double dx_m = to.x_m - from.x_m;
+  const double dy_m = to.y_m - from.y_m;
+  const double chord_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+  if (chord_m > 0.0) {
+    result.course_math_rad = elementary::atan2(dy_m, dx_m);
+    result.climb_rate_mps = from.speed_mps * (to.altitude_m - from.altitude_m) / chord_m;
+  }
+  return result;
+}
+
 void PathFollower::advance(const FollowedState& state) {
   const auto states = trajectory_->states.size();
   const auto ahead =
@@ -116,8 +129,10 @@ Command PathFollower::command(const FollowedState& state, const Wind& wind, doub
   if (across_mps == wanted_mps) {
     integral_mps_ += options_.cross_track_integral_gain_1ps2 * cross_track_m_ * step_s;
   }
+  // On a circle the chord to a place has the course of the place half as far.
   const auto ahead = [&](double lead_s) {
-    return has_feed_forward_ ? at(place_ + lead_s / trajectory_->step_s) : here;
+    const double states = lead_s / trajectory_->step_s;
+    return has_feed_forward_ ? at(place_ + states) : with_chord(here, at(place_ + 2.0 * states));
   };
   const Place told = ahead(options_.turn_lead_s);
   const elementary::SineCosine along = elementary::sine_cosine(told.course_math_rad);
@@ -139,8 +154,7 @@ Command PathFollower::command(const FollowedState& state, const Wind& wind, doub
   Command command;
   command.speed_mps = std::sqrt(air_east_mps * air_east_mps + air_north_mps * air_north_mps);
   command.heading_math_rad = elementary::atan2(air_north_mps, air_east_mps);
-  const double climb_mps =
-      has_feed_forward_ ? share * ahead(options_.climb_lead_s).climb_rate_mps : 0.0;
+  const double climb_mps = share * ahead(options_.climb_lead_s).climb_rate_mps;
   command.climb_rate_mps = climb_mps - options_.altitude_gain_1ps * above_m_;
   return command;
 }

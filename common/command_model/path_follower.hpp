@@ -15,8 +15,8 @@ struct FollowerOptions {
   double cross_track_speed_max_mps = 0.0;
   double cross_track_integral_gain_1ps2 = 0.0;
   double altitude_gain_1ps = 0.0;
-  double turn_lead_s = 0.0;   // how far ahead the plan's course
-  double climb_lead_s = 0.0;  // and its climb rate are fed forward
+  double turn_lead_s = 0.0;   // how far ahead the course
+  double climb_lead_s = 0.0;  // and the climb rate are taken
   double ahead_max_s = 0.0;   // of the plan, in which the place beside is looked for
 };
 FollowerOptions read_follower_options(ConfigReader& reader);
@@ -38,10 +38,10 @@ struct FollowedState {
 ///
 /// with e the distance to the left of the path. The wind, which a vehicle knows from its airspeed,
 /// is taken off, so that the command is one of the air, of no more airspeed than the plan has
-/// speed: against the wind a flight takes longer, as far as half its speed. With feed-forward the
-/// plan's course and climb rate are those some time later: what the vehicle answers late is told
-/// early. Without it the plan is a line in space alone: its course is that of the path here, its
-/// climb rate is not known.
+/// speed: against the wind a flight takes longer, as far as half its speed. What the vehicle
+/// answers late is told early: with feed-forward the plan's states give course and climb rate some
+/// time later; without it the plan is a line in space flown at a speed, and both are those of its
+/// chord from here to the place twice as far ahead.
 class PathFollower {
  public:
   /// The trajectory must outlive the follower and have two states at least.
@@ -64,6 +64,8 @@ class PathFollower {
     double x_m, y_m, altitude_m, course_math_rad, speed_mps, climb_rate_mps;
   };
   [[nodiscard]] Place at(double place) const;
+  /// `from` with course and climb rate of the straight line to `to`.
+  [[nodiscard]] static Place with_chord(const Place& from, const Place& to);
   void advance(const FollowedState& state);
 
   const flight::Trajectory* trajectory_;

@@ -162,8 +162,8 @@ FlightResult evaluate_flight(const map::Map& map, const planning::PlanningConfig
         row.torque_margin_min = 1.0 - row.power_share_max;
         // NaN without a rotor
         const bool has_power = !(row.torque_margin_min < 0.0);
-        result.is_held = result.is_held &&
-                         (!has_feed_forward || (row.within_margins == row.flights && has_power));
+        result.is_held =
+            result.is_held && row.within_margins == row.flights && (has_power || !has_feed_forward);
         result.rows.push_back(row);
       }
     }

@@ -64,7 +64,7 @@ struct FlightResult {
   double above_margin_m = 0.0;
   double rotor_power_kw = 0.0;
   std::vector<FlightRow> rows;
-  // Every flight with feed-forward was within the margins and within the power that there is.
+  // Every flight was within the margins, every one with feed-forward within the power that there is.
   bool is_held = false;
 };
 /// JSON, schema_version first.

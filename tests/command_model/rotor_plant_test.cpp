@@ -235,13 +235,26 @@ TEST(PathFlight, BothPlantsKeepAWindingPathWithFeedForwardWithAndWithoutWind) {
   }
 }
 
-TEST(PathFlight, ThePlansStatesAsFeedForwardBringThePathNearer) {
+TEST(PathFlight, AWindingPathIsKeptWithThePlansStatesAndWithItsLineAlone) {
   const flight::Trajectory path = winding_path();
+  flight::Trajectory line = path;
+  for (flight::FlightState& state : line.states) {
+    state.climb_rate_mps = 0.0;  // nobody may look at it
+  }
+  FollowerOptions unled = shipped_follower();
+  unled.turn_lead_s = 0.0;
+  unled.climb_lead_s = 0.0;
   for (const Plant& plant : {closed_loop(), rotor()}) {
     const PathRecord with = flown_path(path, plant, shipped_follower(), true, {}).record();
-    const PathRecord without = flown_path(path, plant, shipped_follower(), false, {}).record();
-    EXPECT_LT(with.horizontal_rms_m(), 0.7 * without.horizontal_rms_m()) << plant.index();
-    EXPECT_LT(with.vertical_rms_m(), 0.7 * without.vertical_rms_m()) << plant.index();
+    const PathRecord without = flown_path(line, plant, shipped_follower(), false, {}).record();
+    const PathRecord late = flown_path(line, plant, unled, false, {}).record();
+    for (const PathRecord& record : {with, without}) {
+      EXPECT_LT(record.horizontal_max_m, 6.0) << plant.index();
+      EXPECT_LT(record.below_max_m, 3.0) << plant.index();
+      EXPECT_LT(record.above_max_m, 3.0) << plant.index();
+      EXPECT_LT(record.horizontal_rms_m(), 0.7 * late.horizontal_rms_m()) << plant.index();
+      EXPECT_LT(record.vertical_rms_m(), 0.7 * late.vertical_rms_m()) << plant.index();
+    }
   }
 }
 
