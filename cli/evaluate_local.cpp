@@ -1,9 +1,11 @@
 #include "evaluate_local.hpp"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
+#include "base/errors.hpp"
 #include "evaluation/local_flights.hpp"
 #include "evaluation_arguments.hpp"
 #include "map/map_bundle.hpp"
@@ -17,6 +19,7 @@ struct LocalArguments {
   SeedArgument seed;
   PlanningArguments planning;
   std::string routes_folder;
+  std::vector<std::string> planners;  // of local-safety; empty: all
 };
 
 struct LocalEvaluationConfig {
@@ -39,6 +42,26 @@ LocalEvaluationConfig config_from(ConfigReader& reader) {
 LocalEvaluationConfig shipped() {
   ConfigReader reader = shipped_evaluation();
   return config_from(reader);
+}
+
+// Leaves the rows of the planners that were asked for.
+void keep_planners(std::vector<evaluation::LocalSafetyOptions::Row>& rows,
+                   const std::vector<std::string>& planners) {
+  if (planners.empty()) {
+    return;
+  }
+  const auto is_row_of = [](const std::string& planner) {
+    return [&planner](const auto& row) { return row.planner == planner; };
+  };
+  for (const std::string& planner : planners) {
+    if (std::none_of(rows.begin(), rows.end(), is_row_of(planner))) {
+      throw UsageError("there is no planner '" + planner + "' in section local_safety",
+                       "take one that evaluation.yaml names, as rollout");
+    }
+  }
+  std::erase_if(rows, [&](const auto& row) {
+    return std::find(planners.begin(), planners.end(), row.planner) == planners.end();
+  });
 }
 
 evaluation::DrawnRoutes routes_of(const map::Map& map, const planning::PlanningConfig& config,
@@ -99,6 +122,7 @@ ExitCode run_local_safety(const Console& console, const LocalArguments& argument
   if (arguments.flights > 0) {
     options.safety.flights = arguments.flights;
   }
+  keep_planners(options.safety.rows, arguments.planners);
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = map::read_map_bundle(arguments.map);
@@ -171,6 +195,10 @@ void add_local_evaluation_verbs(CLI::App& evaluate, Console& console) {
       "  hedgehop evaluate local-safety --map map --flights 200 --seed 7 --routes routes --json");
   auto of_safety =
       add_arguments(*safety, console, "--flights", "Number of flights (default: evaluation.yaml)");
+  safety
+      ->add_option("--planner", of_safety->planners,
+                   "Only the rows of this planner; may be repeated (default: all)")
+      ->allow_extra_args(false);
   safety->callback([&console, of_safety] {
     console.action = [&console, of_safety] { return run_local_safety(console, *of_safety); };
   });

@@ -8,6 +8,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <optional>
 
+#include "base/config_reader.hpp"
 #include "base/errors.hpp"
 #include "evaluation/flown_route.hpp"
 #include "global_planning/random_source.hpp"
@@ -140,6 +141,40 @@ SafetyOutcome safety_of(const std::optional<RouteFlight>& flight,
     }
   }
   return outcome;
+}
+
+// What flying over one map costs, made once for all rows that differ in the local planner alone.
+class SharedCosts {
+ public:
+  SharedCosts(const map::Map& map, const std::vector<PlanningConfig>& configs,
+              const std::vector<std::size_t>& first_alike)
+      : map_(map), configs_(configs), first_alike_(first_alike), made_(configs.size()) {}
+
+  const risk::CostModel& of(std::size_t row) {
+    std::optional<risk::CostModel>& made = made_[first_alike_[row]];
+    if (!made) {
+      made.emplace(planning::cost_model(map_, configs_[row]));
+    }
+    return *made;
+  }
+
+ private:
+  const map::Map& map_;
+  const std::vector<PlanningConfig>& configs_;
+  const std::vector<std::size_t>& first_alike_;
+  std::vector<std::optional<risk::CostModel>> made_;
+};
+
+// For each config the first one that is the same but for its section local.
+std::vector<std::size_t> first_alike(const std::vector<PlanningConfig>& configs) {
+  std::vector<std::string> rest;
+  std::vector<std::size_t> first;
+  for (const PlanningConfig& config : configs) {
+    rest.push_back(without_config_key(config.text, "planning config", "local"));
+    first.push_back(
+        static_cast<std::size_t>(std::find(rest.begin(), rest.end(), rest.back()) - rest.begin()));
+  }
+  return first;
 }
 
 /// Runs `work` for 0 to count - 1 in parallel and marks what was finished; throws Interrupted if
@@ -342,6 +377,13 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
   for (const LocalSafetyOptions::Row& row : options.rows) {
     configs.push_back(config_with(config_text, row.settings));
   }
+  const std::vector<std::size_t> alike = first_alike(configs);
+  SharedCosts bare_costs(map, configs, alike);
+  for (std::size_t r = 0; r < configs.size(); ++r) {
+    if (!options.rows[r].has_towers) {
+      bare_costs.of(r);  // before the threads that share it
+    }
+  }
   const std::size_t count = routes.routes.size();
   std::vector<std::vector<SafetyOutcome>> outcomes(options.rows.size(),
                                                    std::vector<SafetyOutcome>(count));
@@ -352,16 +394,17 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
     const DrawnRoute& route = routes.routes[i];
     std::optional<map::Map> with_towers;
     std::optional<raster::Grid<std::uint8_t>> near;
+    std::optional<SharedCosts> tower_costs;
     for (std::size_t r = 0; r < options.rows.size(); ++r) {
       if (options.rows[r].has_towers && !with_towers) {
         with_towers = map;
         const auto towers = add_towers(*with_towers, options, route,
                                        seed + static_cast<std::uint64_t>(route.problem));
         near = near_towers(map.geometry, towers, options.tower_near_m);
+        tower_costs.emplace(*with_towers, configs, alike);
       }
       const bool has_towers = options.rows[r].has_towers;
-      const risk::CostModel costs =
-          planning::cost_model(has_towers ? *with_towers : map, configs[r]);
+      const risk::CostModel& costs = has_towers ? tower_costs->of(r) : bare_costs.of(r);
       outcomes[r][i] =
           safety_of(flown(costs, configs[r], route, observer), has_towers ? *near : no_towers,
                     configs[r].demands.ceiling_height_m);

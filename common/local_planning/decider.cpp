@@ -38,9 +38,9 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
       speed_mps_(speed_mps),
       disc_radius_m_(histogram_options.disc_radius_m),
       tangent_min_(elementary::tan(options.climb_angle_min_rad)),
-      turn_max_(elementary::tan(model.bank_command_max_rad())),
-      commanded_rad_(initial.heading_math_rad),
-      before_rad_(initial.heading_math_rad) {
+      turn_max_(elementary::tan(model.bank_command_max_rad())) {
+  memory_.commanded_rad = initial.heading_math_rad;
+  memory_.before_rad = initial.heading_math_rad;
   if (options.mode == LocalMode::kRollout) {
     rollout_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
                      options.climb_ahead, options.rollout, options.weights, kernel);
@@ -53,17 +53,17 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
     forecast_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
                       options.climb_ahead, step_kernels(kernel));
   }
-  heading_.reset(initial.heading_math_rad);
-  climb_.reset(initial.climb_rate_mps / initial.speed_mps);
+  memory_.heading.reset(initial.heading_math_rad);
+  memory_.climb.reset(initial.climb_rate_mps / initial.speed_mps);
 }
 
 FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trigonometry) {
   const flight::Limits& limits = model_.vehicle().limits;
   const geo::MapPoint place{state.x_m, state.y_m};
   const double speed_mps = state.speed_mps;
-  along_m_ = guide_.project(place, along_m_ - options_.projection_back_m,
-                            along_m_ + options_.projection_ahead_m);
-  const flight::Waypoint target = guide_.at(along_m_ + options_.look_ahead_m);
+  memory_.along_m = guide_.project(place, memory_.along_m - options_.projection_back_m,
+                                   memory_.along_m + options_.projection_ahead_m);
+  const flight::Waypoint target = guide_.at(memory_.along_m + options_.look_ahead_m);
   const double target_dx_m = target.x_m - state.x_m;
   const double target_dy_m = target.y_m - state.y_m;
   const double target_m = distance_m(target_dx_m, target_dy_m);
@@ -76,13 +76,13 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   const double target_math_rad =
       target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : state.heading_math_rad;
   question.goal_math_rad =
-      is_going_around(state, trigonometry, turn_radius_m) ? outbound_rad_ : target_math_rad;
+      is_going_around(state, trigonometry, turn_radius_m) ? memory_.outbound_rad : target_math_rad;
   question.goal_tangent =
       std::clamp((target.altitude_m - state.altitude_m) / std::max(target_m, kGoalDistanceMin_m),
                  tangent_min_, tangent_max);
   question.tangent_min = tangent_min_;
   question.tangent_max = tangent_max;
-  const flight::Waypoint nearest = guide_.at(along_m_);
+  const flight::Waypoint nearest = guide_.at(memory_.along_m);
   const double offset =
       distance_m(nearest.x_m - state.x_m, nearest.y_m - state.y_m) / options_.corridor_m;
   // A guide may come by its goal long before it ends there, on a round trip for example.
@@ -93,8 +93,8 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
       to_goal_m < options_.goal_only_distance_m ? 0.0 : std::max(0.0, 1.0 - offset * offset);
 
   // Ground beyond the goal is never flown over.
-  const double reach_m = is_outbound_ ? std::numeric_limits<double>::infinity()
-                                      : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
+  const double reach_m = memory_.is_outbound ? std::numeric_limits<double>::infinity()
+                                             : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
   question_ = question;
   has_given_way_ = false;
   FlownStep step;
@@ -104,8 +104,8 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
       rollout_ ? judge_by_rollout(state, trigonometry, question, target_math_rad, reach_m, step)
                : judge_by_histogram(state, trigonometry, question, target_math_rad, turn_radius_m,
                                     reach_m, step);
-  commanded_rad_ = step.command.heading_math_rad;
-  before_rad_ = step.target_heading_math_rad;
+  memory_.commanded_rad = step.command.heading_math_rad;
+  memory_.before_rad = step.target_heading_math_rad;
   chosen_rad_ = step.target_heading_math_rad;
   double needed = std::max(judgement.needed, tangent_min_);
   if (judgement.ahead) {
@@ -120,14 +120,25 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   needed = std::clamp(needed, tangent_min_, limit_tangent);
 
   // The indicator works on tangents: climb angles are small.
-  climb_.step(std::max(judgement.wanted.value_or(question.goal_tangent), needed),
-              state.climb_rate_mps / speed_mps, state.vertical_acceleration_mps2 / speed_mps,
-              options_.climb_indicator, options_.step_s);
-  const double followed = std::max(climb_.angle_rad, tangent_min_);
+  memory_.climb.step(std::max(judgement.wanted.value_or(question.goal_tangent), needed),
+                     state.climb_rate_mps / speed_mps, state.vertical_acceleration_mps2 / speed_mps,
+                     options_.climb_indicator, options_.step_s);
+  const double followed = std::max(memory_.climb.angle_rad, tangent_min_);
   const double tangent = std::clamp(std::max(followed, needed), tangent_min_, limit_tangent);
   step.commanded_climb_angle_rad = elementary::atan(tangent);
   step.command.climb_rate_mps = speed_mps * tangent;
   return step;
+}
+
+void Decider::follow(const ModelState& state, const command_model::Command& command) {
+  memory_.along_m =
+      guide_.project({state.x_m, state.y_m}, memory_.along_m - options_.projection_back_m,
+                     memory_.along_m + options_.projection_ahead_m);
+  memory_.commanded_rad = command.heading_math_rad;
+  memory_.before_rad = command.heading_math_rad;
+  memory_.heading.reset(command.heading_math_rad);
+  memory_.climb.reset(state.climb_rate_mps / state.speed_mps);
+  memory_.is_outbound = false;
 }
 
 Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
@@ -150,10 +161,10 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
                                  elementary::atan(state.climb_rate_mps / state.speed_mps)};
     const auto chosen = cheapest_spherical(histogram_, sectors_, options_.vfh_3d,
                                            options_.weights.polar_offset_rad3, question, now,
-                                           {before_rad_, before_climb_rad_});
+                                           {memory_.before_rad, memory_.before_climb_rad});
     if (chosen) {
       chosen_rad = chosen->azimuth_math_rad;
-      before_climb_rad_ = chosen->elevation_rad;
+      memory_.before_climb_rad = chosen->elevation_rad;
       judgement.wanted = elementary::tan(chosen->elevation_rad);
     }
   } else {
@@ -176,8 +187,8 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
     judgement.needed = give_way(state, step);
   }
   if (forecast_) {
-    judgement.ahead = forecast_->ahead(state, trigonometry, along_m_, step.command.heading_math_rad,
-                                       target_math_rad);
+    judgement.ahead = forecast_->ahead(state, trigonometry, memory_.along_m,
+                                       step.command.heading_math_rad, target_math_rad);
   }
   return judgement;
 }
@@ -188,27 +199,27 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
                                              double target_math_rad, double reach_m,
                                              FlownStep& step) {
   const RolloutChoice choice =
-      rollout_->choose(state, trigonometry, along_m_, question, target_math_rad, commanded_rad_,
-                       before_rad_, reach_m);
+      rollout_->choose(state, trigonometry, memory_.along_m, question, target_math_rad,
+                       memory_.commanded_rad, memory_.before_rad, reach_m);
   Judgement judgement;
   judgement.needed =
       std::max(choice.needed_near, std::min(choice.needed_commanded, question.tangent_max));
   if (choice.direction_rad) {
     step.target_heading_math_rad = *choice.direction_rad;
     if (choice.needed_commanded <= question.tangent_max) {
-      heading_.step(*choice.direction_rad, state.heading_math_rad,
-                    kGravity_mps2 * trigonometry.tan_bank / state.speed_mps,
-                    options_.heading_indicator, options_.step_s);
-      step.command.heading_math_rad = heading_.angle_rad;
+      memory_.heading.step(*choice.direction_rad, state.heading_math_rad,
+                           kGravity_mps2 * trigonometry.tan_bank / state.speed_mps,
+                           options_.heading_indicator, options_.step_s);
+      step.command.heading_math_rad = memory_.heading.angle_rad;
     } else {
       // The indicator goes on from there: from the present heading it would lead back at once.
-      heading_.reset(*choice.direction_rad);
+      memory_.heading.reset(*choice.direction_rad);
       step.command.heading_math_rad = *choice.direction_rad;
     }
   } else {
     step.target_heading_math_rad = choice.least_climb_rad;
     judgement.needed = give_way(state, step);
-    heading_.reset(choice.least_climb_rad);
+    memory_.heading.reset(choice.least_climb_rad);
   }
   if (options_.climb_ahead.is_used) {
     judgement.ahead = choice.ahead;
@@ -220,7 +231,7 @@ double Decider::give_way(const ModelState& state, FlownStep& step) {
   ++infeasible_decisions_;
   has_given_way_ = true;
   step.command.heading_math_rad = step.target_heading_math_rad;
-  heading_.reset(state.heading_math_rad);
+  memory_.heading.reset(state.heading_math_rad);
   step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
   return model_.vehicle().limits.climb_rate_max_mps / state.speed_mps;
 }
@@ -253,7 +264,7 @@ Decision Decider::last_decision() const {
 }
 
 bool Decider::is_on_final_part() const {
-  return guide_.length_m() - along_m_ <=
+  return guide_.length_m() - memory_.along_m <=
          options_.projection_ahead_m + options_.goal_only_distance_m;
 }
 
@@ -265,27 +276,28 @@ bool Decider::is_going_around(const ModelState& state, const StateTrigonometry& 
   const double dy_m = guide_.goal().y_m - state.y_m;
   const double goal_m = distance_m(dx_m, dy_m);
   const double ahead_m = dx_m * trigonometry.cos_heading + dy_m * trigonometry.sin_heading;
-  const bool is_missed = along_m_ >= guide_.length_m() - kGoalDistanceMin_m && ahead_m <= 0.0 &&
-                         goal_m > options_.goal_radius_m && goal_m < 2.0 * turn_radius_m;
-  if (is_missed && !is_outbound_) {
-    is_outbound_ = true;
-    outbound_rad_ = state.heading_math_rad;
-  } else if (is_outbound_ && goal_m > kGoAroundRadii * turn_radius_m) {
-    is_outbound_ = false;
+  const bool is_missed = memory_.along_m >= guide_.length_m() - kGoalDistanceMin_m &&
+                         ahead_m <= 0.0 && goal_m > options_.goal_radius_m &&
+                         goal_m < 2.0 * turn_radius_m;
+  if (is_missed && !memory_.is_outbound) {
+    memory_.is_outbound = true;
+    memory_.outbound_rad = state.heading_math_rad;
+  } else if (memory_.is_outbound && goal_m > kGoAroundRadii * turn_radius_m) {
+    memory_.is_outbound = false;
   }
-  return is_outbound_;
+  return memory_.is_outbound;
 }
 
 double Decider::followed_heading_rad(double chosen_rad, const ModelState& state,
                                      double turn_rate_radps, float tangent_max) {
-  heading_.step(chosen_rad, state.heading_math_rad, turn_rate_radps, options_.heading_indicator,
-                options_.step_s);
-  if (needed_towards(heading_.angle_rad) <= tangent_max) {
-    return heading_.angle_rad;
+  memory_.heading.step(chosen_rad, state.heading_math_rad, turn_rate_radps,
+                       options_.heading_indicator, options_.step_s);
+  if (needed_towards(memory_.heading.angle_rad) <= tangent_max) {
+    return memory_.heading.angle_rad;
   }
   const std::optional<double> nearest_rad =
-      nearest_feasible_rad(histogram_, sectors_, heading_.angle_rad, tangent_max);
-  heading_.reset(state.heading_math_rad);
+      nearest_feasible_rad(histogram_, sectors_, memory_.heading.angle_rad, tangent_max);
+  memory_.heading.reset(state.heading_math_rad);
   return nearest_rad.value_or(chosen_rad);
 }
 

@@ -35,8 +35,25 @@ class Decider {
   FlownStep decide(const command_model::ModelState& state,
                    const command_model::StateTrigonometry& trigonometry);
 
+  /// What one step leaves behind for the next.
+  struct Memory {
+    double along_m = 0.0;
+    double commanded_rad = 0.0;     // heading of the step before
+    double before_rad = 0.0;        // direction chosen in the step before
+    double before_climb_rad = 0.0;  // likewise its climb angle, of the three-dimensional VFH
+    Indicator heading;
+    Indicator climb;
+    bool is_outbound = false;
+    double outbound_rad = 0.0;
+  };
+  [[nodiscard]] const Memory& memory() const { return memory_; }
+  /// Goes back to a step before.
+  void restore(const Memory& memory) { memory_ = memory; }
+  /// A step that was commanded by somebody else.
+  void follow(const command_model::ModelState& state, const command_model::Command& command);
+
   /// Where the flight is along the guide.
-  [[nodiscard]] double along_m() const { return along_m_; }
+  [[nodiscard]] double along_m() const { return memory_.along_m; }
   /// Whether the guide ends within what it is searched ahead and the last stretch, on which the
   /// goal alone counts.
   [[nodiscard]] bool is_on_final_part() const;
@@ -83,20 +100,13 @@ class Decider {
   double disc_radius_m_;
   double tangent_min_;
   double turn_max_;  // tangent of the steepest bank
-  double along_m_ = 0.0;
-  double commanded_rad_;           // heading of the step before
-  double before_rad_;              // direction chosen in the step before
-  double before_climb_rad_ = 0.0;  // likewise its climb angle, of the three-dimensional VFH
-  Indicator heading_;
-  Indicator climb_;
+  Memory memory_;
   PolarHistogram histogram_;
   DirectionScratch scratch_;
   DirectionQuestion question_;  // of the last step
   double chosen_rad_ = 0.0;     // likewise
   bool has_given_way_ = false;  // likewise
   std::int64_t infeasible_decisions_ = 0;
-  bool is_outbound_ = false;
-  double outbound_rad_ = 0.0;
 };
 
 }  // namespace hedgehop::local_planning

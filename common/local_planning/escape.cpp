@@ -19,6 +19,9 @@ using command_model::ModelState;
 
 constexpr int kStepsPerCheck = 5;
 constexpr double kRollIn_s = 2.0;
+constexpr double kAim_s = 4.0;  // of the place on the guide that is headed for
+constexpr double kAimMin_m = 60.0;
+constexpr double kProjectionAhead_m = 60.0;  // more than a step, less than a bend
 constexpr std::array<double, 10> kTurns_deg{0.0,  30.0,  -30.0, 60.0,   -60.0,
                                             90.0, -90.0, 135.0, -135.0, 180.0};
 
@@ -47,10 +50,13 @@ class Attempt {
     const auto steps_max = static_cast<std::size_t>(options_.time_max_s / step_s_);
     for (std::size_t i = 0; i <= steps_max; ++i) {
       const std::optional<Command> next = command(i, state);
-      add(next ? *next : steps.back().command);
+      add(next             ? *next
+          : !steps.empty() ? steps.back().command
+                           : Command{from.speed_mps, from.heading_math_rad, 0.0});
       const bool is_end = !next || (i % kStepsPerCheck == 0 && is_high(state));
       if (is_end || i - checked == kStepsPerCheck) {
-        if (!is_clear(steps, checked)) {
+        if (!keeps_clearance(surface_m_, std::span(steps).subspan(checked), options_.clearance_m,
+                             options_.lateral_margin_m)) {
           return {};
         }
         checked = i;
@@ -73,35 +79,15 @@ class Attempt {
     return state.climb_rate_mps >= 0.0 && state.altitude_m >= lowest_m;  // false for NaN
   }
 
-  [[nodiscard]] bool is_clear(const std::vector<FlownStep>& steps, std::size_t from) const {
-    const ModelState& a = steps[from].state;
-    const ModelState& b = steps.back().state;
-    double lowest_m = a.altitude_m;
-    for (std::size_t i = from; i < steps.size(); ++i) {
-      lowest_m = std::min(lowest_m, steps[i].state.altitude_m);
-    }
-    return lowest_m >=
-           highest_beside_m(surface_m_, {a.x_m, a.y_m}, {b.x_m, b.y_m}, options_.lateral_margin_m) +
-               options_.clearance_m;
-  }
-
   const raster::Grid<float>& surface_m_;
   const CommandModel& model_;
   const EscapeOptions& options_;
   double step_s_;
 };
 
-}  // namespace
-
-std::optional<Escape> escape_from(const raster::Grid<float>& surface_m, const CommandModel& model,
-                                  const EscapeOptions& options, std::span<const FlownStep> ahead,
-                                  double step_s) {
-  if (ahead.size() < 2) {
-    throw std::invalid_argument("an escape needs two planned steps");
-  }
-  const ModelState& from = ahead.front().state;
+std::optional<Escape> turned(const Attempt& attempt, const CommandModel& model,
+                             const EscapeOptions& options, const ModelState& from) {
   const double climb_rate_mps = model.vehicle().limits.climb_rate_max_mps;
-  const Attempt attempt(surface_m, model, options, step_s);
   for (const double turn_deg : kTurns_deg) {
     const double turn_rad = radians_from_degrees(turn_deg);
     const double heading_rad = wrap_to_pi(from.heading_math_rad + turn_rad);
@@ -112,6 +98,35 @@ std::optional<Escape> escape_from(const raster::Grid<float>& surface_m, const Co
     if (!steps.empty()) {
       return Escape{turn_rad, false, std::move(steps)};
     }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+bool keeps_clearance(const raster::Grid<float>& surface_m, std::span<const FlownStep> steps,
+                     double clearance_m, double lateral_margin_m) {
+  const ModelState& a = steps.front().state;
+  const ModelState& b = steps.back().state;
+  double lowest_m = a.altitude_m;
+  for (const FlownStep& step : steps) {
+    lowest_m = std::min(lowest_m, step.state.altitude_m);
+  }
+  return lowest_m >= highest_beside_m(surface_m, {a.x_m, a.y_m}, {b.x_m, b.y_m}, lateral_margin_m) +
+                         clearance_m;  // false for NaN
+}
+
+std::optional<Escape> escape_from(const raster::Grid<float>& surface_m, const CommandModel& model,
+                                  const EscapeOptions& options, std::span<const FlownStep> ahead,
+                                  double step_s) {
+  if (ahead.size() < 2) {
+    throw std::invalid_argument("an escape needs two planned steps");
+  }
+  const ModelState& from = ahead.front().state;
+  const double climb_rate_mps = model.vehicle().limits.climb_rate_max_mps;
+  const Attempt attempt(surface_m, model, options, step_s);
+  if (auto escape = turned(attempt, model, options, from)) {
+    return escape;
   }
   std::vector<FlownStep> steps =
       attempt.flown(from, [&](std::size_t i, const ModelState&) -> std::optional<Command> {
@@ -126,6 +141,32 @@ std::optional<Escape> escape_from(const raster::Grid<float>& surface_m, const Co
     return Escape{0.0, true, std::move(steps)};
   }
   return std::nullopt;
+}
+
+std::optional<Escape> escape_along(const raster::Grid<float>& surface_m, const CommandModel& model,
+                                   const EscapeOptions& options, EscapeWays ways,
+                                   const ModelState& from, const Guide& guide, double along_m,
+                                   double goal_radius_m, double step_s) {
+  const Attempt attempt(surface_m, model, options, step_s);
+  double at_m = along_m;
+  std::vector<FlownStep> steps =
+      attempt.flown(from, [&](std::size_t, const ModelState& state) -> std::optional<Command> {
+        const double goal_dx_m = guide.goal().x_m - state.x_m;
+        const double goal_dy_m = guide.goal().y_m - state.y_m;
+        if (goal_dx_m * goal_dx_m + goal_dy_m * goal_dy_m <= goal_radius_m * goal_radius_m) {
+          return std::nullopt;
+        }
+        at_m = guide.project({state.x_m, state.y_m}, at_m, at_m + kProjectionAhead_m);
+        const flight::Waypoint target =
+            guide.at(at_m + std::max(kAimMin_m, kAim_s * state.speed_mps));
+        return Command{options.speed_mps,
+                       elementary::atan2(target.y_m - state.y_m, target.x_m - state.x_m),
+                       model.vehicle().limits.climb_rate_max_mps};
+      });
+  if (!steps.empty()) {
+    return Escape{0.0, true, std::move(steps)};
+  }
+  return ways == EscapeWays::kAny ? turned(attempt, model, options, from) : std::nullopt;
 }
 
 }  // namespace hedgehop::local_planning

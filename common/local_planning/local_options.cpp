@@ -79,6 +79,18 @@ RolloutOptions read_rollout(ConfigReader& reader) {
   return options;
 }
 
+RolloutEscapeOptions read_rollout_escape(ConfigReader& reader) {
+  RolloutEscapeOptions options;
+  options.is_used = reader.required_bool("use");
+  options.clearance_m = positive(reader, "clearance_m");
+  options.lateral_margin_m =
+      number_in(reader, "lateral_margin_m", 0.0, 500.0, "must lie between 0 and 500");
+  options.back_s = number_in(reader, "back_s", 1.0, 600.0, "must lie between 1 and 600");
+  options.time_max_s = number_in(reader, "time_max_s", 1.0, 600.0, "must lie between 1 and 600");
+  reader.finish();
+  return options;
+}
+
 VerticalPassOptions read_vertical_pass(ConfigReader& reader) {
   VerticalPassOptions options;
   options.is_used = reader.required_bool("use");
@@ -163,6 +175,8 @@ LocalOptions read_local_options(ConfigReader& reader) {
   options.climb_indicator = read_indicator(climb);
   ConfigReader rollout = reader.required_section("rollout");
   options.rollout = read_rollout(rollout);
+  ConfigReader rollout_escape = reader.required_section("rollout_escape");
+  options.rollout_escape = read_rollout_escape(rollout_escape);
   ConfigReader spherical = reader.required_section("vfh_3d");
   options.vfh_3d = read_spherical(spherical);
   ConfigReader ahead = reader.required_section("climb_ahead");

@@ -10,8 +10,10 @@
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
 #include "local_planning/decider.hpp"
+#include "local_planning/escape.hpp"
 #include "local_planning/guide.hpp"
 #include "local_planning/surroundings.hpp"
+#include "local_planning/vertical_pass.hpp"
 
 namespace hedgehop::local_planning {
 namespace {
@@ -83,6 +85,127 @@ class GoalWatch {
  private:
   flight::Waypoint goal_;
   double radius_m_;
+};
+
+// Takes a flight of rollouts back to a moment from which there is a way out, where it came too near
+// to the ground.
+class Keeper {
+ public:
+  Keeper(const Surroundings& surroundings, const CommandModel& model, const LocalOptions& options,
+         const Guide& guide)
+      : surface_m_(surroundings.surface_m()),
+        model_(model),
+        options_(options),
+        guide_(guide),
+        stride_(
+            std::max<std::size_t>(1, static_cast<std::size_t>(kMoment_s / options.step_s + 0.5))),
+        check_stride_(
+            std::max<std::size_t>(1, static_cast<std::size_t>(kCheck_s / options.step_s + 0.5))),
+        start_clearance_m_(clearance_of(guide.at(0.0))),
+        goal_clearance_m_(clearance_of(guide.goal())) {}
+
+  // Where a flight goes on, and the commands of the way out.
+  struct Turn {
+    std::size_t step = 0;
+    ModelState state;
+    Decider::Memory memory;
+    std::vector<FlownStep> way_out;
+  };
+
+  // Before the step that leaves `state`: nothing if all is well or there is no way out.
+  std::optional<Turn> look(const std::vector<FlownStep>& steps, const ModelState& state,
+                           const Decider::Memory& memory, bool is_check_due, bool is_on_way_out) {
+    if ((is_check_due || steps.size() % check_stride_ == 0) && steps.size() > checked_) {
+      const std::size_t from = checked_;
+      checked_ = steps.size();
+      if (!is_on_way_out && !is_clear(steps, from, state)) {
+        if (auto turn = turned_back(steps.size())) {
+          return turn;
+        }
+      }
+    }
+    if (steps.size() % stride_ == 0) {
+      moments_.push_back({steps.size(), state, memory, {}});
+    }
+    return std::nullopt;
+  }
+
+ private:
+  static constexpr double kMoment_s = 1.0;
+  static constexpr double kCheck_s = 0.25;
+  static constexpr double kNearEnd_m = 400.0;
+  static constexpr double kBelowEnd_m = 0.5;
+  static constexpr int kTurnsMax = 200;  // of one flight: no guide makes the work endless
+
+  [[nodiscard]] double clearance_of(const flight::Waypoint& end) const {
+    const geo::MapPoint place{end.x_m, end.y_m};
+    const double height_m =
+        end.altitude_m -
+        highest_beside_m(surface_m_, place, place, options_.rollout_escape.lateral_margin_m);
+    return std::isnan(height_m) ? options_.rollout_escape.clearance_m
+                                : std::max(0.0, height_m - kBelowEnd_m);
+  }
+
+  [[nodiscard]] double clearance_at(const ModelState& state) const {
+    const auto is_near = [&](const flight::Waypoint& end) {
+      return distance_m(end.x_m - state.x_m, end.y_m - state.y_m) < kNearEnd_m;
+    };
+    double clearance_m = options_.rollout_escape.clearance_m;
+    if (is_near(guide_.at(0.0))) {
+      clearance_m = std::min(clearance_m, start_clearance_m_);
+    }
+    if (is_near(guide_.goal())) {
+      clearance_m = std::min(clearance_m, goal_clearance_m_);
+    }
+    return clearance_m;
+  }
+
+  [[nodiscard]] bool is_clear(const std::vector<FlownStep>& steps, std::size_t from,
+                              const ModelState& state) const {
+    std::vector<FlownStep> piece(steps.begin() + static_cast<std::ptrdiff_t>(from), steps.end());
+    piece.emplace_back().state = state;
+    return keeps_clearance(surface_m_, piece, clearance_at(state),
+                           options_.rollout_escape.lateral_margin_m);
+  }
+
+  std::optional<Turn> turned_back(std::size_t now) {
+    if (turns_ == kTurnsMax) {
+      return std::nullopt;
+    }
+    const auto back = static_cast<std::size_t>(options_.rollout_escape.back_s / options_.step_s);
+    for (const EscapeWays ways : {EscapeWays::kAlongGuide, EscapeWays::kAny}) {
+      for (std::size_t i = moments_.size(); i > 0 && moments_[i - 1].step + back >= now; --i) {
+        Turn& moment = moments_[i - 1];
+        const EscapeOptions escape{options_.slow_speed_mps, clearance_at(moment.state),
+                                   options_.rollout_escape.lateral_margin_m,
+                                   options_.rollout_escape.time_max_s};
+        auto way_out = escape_along(surface_m_, model_, escape, ways, moment.state, guide_,
+                                    moment.memory.along_m, options_.goal_radius_m, options_.step_s);
+        // One step is where it is high enough already: that leads nowhere.
+        if (way_out && way_out->steps.size() > 1) {
+          Turn turn = moment;
+          turn.way_out = std::move(way_out->steps);
+          moments_.resize(i - 1);
+          checked_ = turn.step;
+          ++turns_;
+          return turn;
+        }
+      }
+    }
+    return std::nullopt;
+  }
+
+  const raster::Grid<float>& surface_m_;
+  const CommandModel& model_;
+  const LocalOptions& options_;
+  const Guide& guide_;
+  std::size_t stride_;
+  std::size_t check_stride_;
+  double start_clearance_m_;
+  double goal_clearance_m_;
+  std::vector<Turn> moments_;
+  std::size_t checked_ = 0;
+  int turns_ = 0;
 };
 
 std::vector<flight::Waypoint> guide_of(const Flight& flight, double spacing_m) {
@@ -170,6 +293,12 @@ std::variant<Flight, flight::NoPlan> fly_along(
     Decider decider(surroundings, tables, line, model, options, histogram, speed_mps, initial,
                     kernel);
     GoalWatch goal(line, options.goal_radius_m);
+    std::optional<Keeper> keeper;
+    if (options.mode == LocalMode::kRollout && options.rollout_escape.is_used) {
+      keeper.emplace(surroundings, model, options, line);
+    }
+    std::vector<FlownStep> way_out;
+    std::size_t out_step = 0;
     const auto steps_max = static_cast<std::int64_t>(
         (options.length_factor_max * line.length_m() / speed_mps + kExtraTime_s) / options.step_s);
     flight.steps.clear();
@@ -187,22 +316,42 @@ std::variant<Flight, flight::NoPlan> fly_along(
                                 "Stopped while flying along the route."};
         }
       }
-      if (!surroundings.is_on_map({state.x_m, state.y_m})) {
-        return stuck(state, "it left the map");
-      }
       if (i >= steps_max) {
         return stuck(state, "the goal was not reached within " +
                                 std::to_string(options.length_factor_max).substr(0, 4) +
                                 " times the length of the route");
       }
-      flight.steps.push_back(decider.decide(state, trigonometry));
-      if (watch.is_wanted && watch.is_wanted()) {
-        Decision decision = decider.last_decision();
-        decision.number = flight.decisions;
-        decision.state = state;
-        watch.show(decision);
+      if (keeper) {
+        const bool is_outside = !surroundings.is_on_map({state.x_m, state.y_m});
+        if (auto turn = keeper->look(flight.steps, state, decider.memory(), is_outside,
+                                     out_step < way_out.size())) {
+          flight.steps.resize(turn->step);
+          state = turn->state;
+          trigonometry = command_model::trigonometry_of(state);
+          decider.restore(turn->memory);
+          way_out = std::move(turn->way_out);
+          out_step = 0;
+          ++flight.escapes;
+        }
       }
-      ++flight.decisions;
+      if (!surroundings.is_on_map({state.x_m, state.y_m})) {
+        return stuck(state, "it left the map");
+      }
+      if (out_step < way_out.size()) {
+        FlownStep& step = way_out[out_step++];
+        step.state = state;
+        decider.follow(state, step.command);
+        flight.steps.push_back(step);
+      } else {
+        flight.steps.push_back(decider.decide(state, trigonometry));
+        if (watch.is_wanted && watch.is_wanted()) {
+          Decision decision = decider.last_decision();
+          decision.number = flight.decisions;
+          decision.state = state;
+          watch.show(decision);
+        }
+        ++flight.decisions;
+      }
       const Command& command = flight.steps.back().command;
       if (step_model) {
         state = step_model(state, command, options.step_s);

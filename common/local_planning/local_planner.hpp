@@ -34,6 +34,15 @@ struct VerticalPassOptions {
   double rate_share = 0.0;          // of its climb and descent rates, (0, 1]
 };
 
+/// How rollouts are kept off the ground, see fly_along().
+struct RolloutEscapeOptions {
+  bool is_used = false;
+  double clearance_m = 0.0;       // above the surface; nearer, a way out is taken before
+  double lateral_margin_m = 0.0;  // within this of the ground track
+  double back_s = 0.0;            // how long before a way out may begin
+  double time_max_s = 0.0;        // until it is high enough
+};
+
 /// How directions are judged: by the histogram of TVFH+, as in the paper; by rolled-out flights; or
 /// azimuth and climb together, see cheapest_spherical().
 enum class LocalMode : std::uint8_t { kTvfh, kRollout, kVfh3d };
@@ -70,6 +79,7 @@ struct LocalOptions {
   IndicatorOptions climb_indicator;
   ProfileOptions climb_ahead;
   RolloutOptions rollout;
+  RolloutEscapeOptions rollout_escape;
   SphericalOptions vfh_3d;
   VerticalPassOptions vertical_pass;
   bool is_compared_with_following = false;  // the flight that follows the guide plainly is flown
@@ -93,6 +103,7 @@ struct Flight {
   std::vector<FlownStep> steps;
   std::int64_t decisions = 0;
   std::int64_t infeasible_decisions = 0;  // no sector was feasible: climbed and slowed down
+  std::int64_t escapes = 0;               // ways out that rollouts took
 };
 
 /// How a commanded step is flown: in process, or by the command_model process in lockstep.
@@ -123,6 +134,15 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// A step of the rollout mode chooses the direction by Rollout; t[k_cmd] and t[k_chi] are replaced
 /// by the climb along the heading commanded before. If that heading is not feasible any more, the
 /// chosen one is commanded and the indicator starts again.
+///
+/// Rollouts look ahead with a simpler model and only so far: now and then they lead where all ways
+/// end at a slope. So their flight is checked as it grows. Where a piece of it comes nearer to the
+/// surface than `rollout_escape` says, what was flown from a moment before on is thrown away, and
+/// escape_along() is flown from there until it is high enough; then rollouts decide again. The
+/// moment is the last one in steps of 1 s from which that leads along the guide, or if there is
+/// none, the last one from which it leads anywhere. So each state of the flight has a verified
+/// continuation: the rest of the flight. Near start and goal less is asked for where they
+/// themselves lie lower.
 ///
 /// A step of the three-dimensional VFH is one of TVFH+ whose direction and climb are those of
 /// cheapest_spherical(); its climb takes the place of t_goal.

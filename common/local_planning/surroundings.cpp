@@ -2,10 +2,27 @@
 
 #include <algorithm>
 #include <limits>
-#include <utility>
 #include <vector>
 
 namespace hedgehop::local_planning {
+namespace {
+
+// Raises each cell to the one `right` and `up` cells from it, within the grid.
+void raise_by_neighbour(const raster::Grid<float>& from, int right, int up,
+                        raster::Grid<float>& to) {
+  const raster::GridGeometry& g = to.geometry();
+  const int first = std::max(0, -right);
+  const int end = std::min(g.columns, g.columns - right);
+  for (int row = std::max(0, -up); row < std::min(g.rows, g.rows - up); ++row) {
+    const float* const source = from.row(row + up);
+    float* const target = to.row(row);
+    for (int column = first; column < end; ++column) {
+      target[column] = std::max(target[column], source[column + right]);
+    }
+  }
+}
+
+}  // namespace
 
 Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double disc_radius_m,
                            double semantics_weight, double visibility_weight)
@@ -22,15 +39,7 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
   dilated_m_ = raster::Grid<float>(padded, -std::numeric_limits<float>::infinity());
   float risk_max = risk_.at(0, 0);
 
-  std::vector<std::pair<int, int>> disc;
-  const int reach = static_cast<int>(disc_radius_m / cell_m);
-  for (int row = -reach; row <= reach; ++row) {
-    for (int column = -reach; column <= reach; ++column) {
-      if (cell_m * cell_m * (row * row + column * column) <= disc_radius_m * disc_radius_m) {
-        disc.emplace_back(column, row);
-      }
-    }
-  }
+  raster::Grid<float> ground_m = dilated_m_;  // what counts there
   const raster::Grid<float>& surface_m = costs.map().surface_m;
   for (int row = 0; row < map_geometry_.rows; ++row) {
     for (int column = 0; column < map_geometry_.columns; ++column) {
@@ -51,11 +60,14 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
           visibility_weight * static_cast<double>(costs.visibility_layer().at(column, row)));
       risk_.at(column + padding, row + padding) = risk;
       risk_max = std::max(risk_max, risk);
-      for (const auto& [right, up] : disc) {
-        const raster::CellIndex cell{column + padding + right, row + padding + up};
-        if (padded.contains(cell)) {
-          dilated_m_.at(cell) = std::max(dilated_m_.at(cell), here_m);
-        }
+      ground_m.at(column + padding, row + padding) = here_m;
+    }
+  }
+  const int reach = static_cast<int>(disc_radius_m / cell_m);
+  for (int up = -reach; up <= reach; ++up) {
+    for (int right = -reach; right <= reach; ++right) {
+      if (cell_m * cell_m * (up * up + right * right) <= disc_radius_m * disc_radius_m) {
+        raise_by_neighbour(ground_m, right, up, dilated_m_);
       }
     }
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <gtest/gtest.h>
 #include <limits>
+#include <numbers>
 #include <random>
 
 #include "local_planning/local_planning_setup.hpp"
@@ -111,6 +112,118 @@ TEST_F(EscapeTest, CanyonIsLeftOverThePlannedTrack) {
   ASSERT_TRUE(escape);
   EXPECT_TRUE(escape->is_along_plan);
   EXPECT_GE(least_height_m(map, escape->steps), kOptions.clearance_m);
+}
+
+// Walls of 800 m beside ground of twice `half_width_m`: east, then a quarter of a circle of 140 m
+// to the left, then north. At 40 m/s the vehicle turns in 282 m, at 20 m/s in 71 m. Instead of the
+// right wall of the first part a slope of `right_slope`, 0 for none.
+map::Map bent_canyon(double half_width_m, double right_slope) {
+  return test::make_map(300, 300, 10.0, [=](double x_m, double y_m) {
+    if (x_m > 2300.0 || y_m > 2300.0) {
+      return 100.0;  // open ground in the north and east
+    }
+    const double off_m = x_m <= 1500.0   ? y_m - 860.0
+                         : y_m <= 1000.0 ? std::hypot(x_m - 1500.0, y_m - 1000.0) - 140.0
+                                         : x_m - 1640.0;
+    if (std::fabs(off_m) < half_width_m) {
+      return 100.0;
+    }
+    return right_slope > 0.0 && x_m <= 1500.0 && off_m < 0.0
+               ? std::min(900.0, 100.0 + right_slope * (-half_width_m - off_m))
+               : 900.0;
+  });
+}
+
+std::vector<flight::Waypoint> along_bent_canyon() {
+  std::vector<flight::Waypoint> guide;
+  for (double x_m = 700.0; x_m < 1500.0; x_m += 50.0) {
+    guide.push_back({x_m, 860.0, 140.0});
+  }
+  for (int part = 0; part <= 8; ++part) {
+    const double turned_rad = part / 8.0 * 0.5 * std::numbers::pi;
+    guide.push_back(
+        {1500.0 + 140.0 * std::sin(turned_rad), 1000.0 - 140.0 * std::cos(turned_rad), 140.0});
+  }
+  for (double y_m = 1050.0; y_m < 2850.0; y_m += 50.0) {
+    guide.push_back({1640.0, y_m, 140.0});
+  }
+  return guide;
+}
+
+TEST_F(EscapeTest, BendThatIsTooTightAtFullSpeedIsLeftAlongTheGuide) {
+  const map::Map map = bent_canyon(45.0, 0.0);
+  const Guide guide(along_bent_canyon());
+  const auto state = command_model::trimmed_state(1000.0, 860.0, 130.0, kSpeed_mps, 0.0, 0.0);
+  const auto escape = escape_along(map.surface_m, model_, kOptions, EscapeWays::kAny, state, guide,
+                                   300.0, 50.0, kStep_s);
+  ASSERT_TRUE(escape);
+  EXPECT_TRUE(escape->is_along_plan);
+  EXPECT_GE(least_height_m(map, escape->steps), kOptions.clearance_m);
+  for (std::size_t i = 0; i + 1 < escape->steps.size(); ++i) {
+    const auto next = model_.step(escape->steps[i].state, escape->steps[i].command, kStep_s);
+    ASSERT_EQ(next.altitude_m, escape->steps[i + 1].state.altitude_m);
+    ASSERT_EQ(next.x_m, escape->steps[i + 1].state.x_m);
+  }
+  // Where the bend begins it is too late to slow down.
+  const auto late = command_model::trimmed_state(1500.0, 860.0, 130.0, kSpeed_mps, 0.0, 0.0);
+  EXPECT_FALSE(escape_along(map.surface_m, model_, kOptions, EscapeWays::kAny, late, guide, 800.0,
+                            50.0, kStep_s));
+}
+
+TEST_F(EscapeTest, GuideIsLeftWhereOnlyATurnLeadsOut) {
+  // The guide runs into a cliff; on its right the ground is level.
+  const auto map = test::make_map(200, 200, 30.0, [](double x_m, double y_m) {
+    return x_m > 3300.0 || y_m > 3200.0 ? 600.0 : 100.0;
+  });
+  const Guide guide({{2700, 3000, 120}, {5000, 3000, 120}});
+  const auto state = command_model::trimmed_state(3000.0, 3000.0, 120.0, kSpeed_mps, 0.0, 0.0);
+  EXPECT_FALSE(escape_along(map.surface_m, model_, kOptions, EscapeWays::kAlongGuide, state, guide,
+                            300.0, 50.0, kStep_s));
+  const auto escape = escape_along(map.surface_m, model_, kOptions, EscapeWays::kAny, state, guide,
+                                   300.0, 50.0, kStep_s);
+  ASSERT_TRUE(escape);
+  EXPECT_LT(escape->turn_left_rad, -0.5 * 3.14) << "to the right";
+}
+
+TEST_F(EscapeTest, AtTheGoalThereIsNothingToEscapeFrom) {
+  const auto map = test::make_map(100, 100, 30.0, [](double, double) { return 100.0; });
+  const Guide guide({{500, 1500, 120}, {1500, 1500, 120}});
+  const auto state = command_model::trimmed_state(1490.0, 1500.0, 120.0, kSpeed_mps, 0.0, 0.0);
+  const auto escape = escape_along(map.surface_m, model_, kOptions, EscapeWays::kAlongGuide, state,
+                                   guide, 990.0, 50.0, kStep_s);
+  ASSERT_TRUE(escape);
+  EXPECT_EQ(escape->steps.size(), 1U);
+}
+
+TEST_F(EscapeTest, RolloutsThatRunIntoACanyonsWallTakeTheWayOutBefore) {
+  // The slope on the right needs the least climb, and still twice as much as there is.
+  const map::Map map = bent_canyon(50.0, 0.8);
+  const auto guide = along_bent_canyon();
+  const auto fly = [&](bool is_kept) {
+    LocalOptions options = test::shipped_local_options("local.mode=rollout");
+    options.rollout_escape.is_used = is_kept;
+    SilentObserver observer;
+    return fly_along(test::test_costs(map), vehicle_, options, guide,
+                     state_at_start(guide, kSpeed_mps, vehicle_.limits), kSpeed_mps, {}, observer);
+  };
+  const auto flown = fly(true);
+  ASSERT_TRUE(std::holds_alternative<Flight>(flown));
+  const auto& flight = std::get<Flight>(flown);
+  EXPECT_GE(flight.escapes, 1);
+  EXPECT_GE(least_height_m(map, flight.steps), options_.rollout_escape.clearance_m - 0.1);
+  for (std::size_t i = 0; i + 1 < flight.steps.size(); ++i) {
+    const auto next = model_.step(flight.steps[i].state, flight.steps[i].command, kStep_s);
+    ASSERT_NEAR(next.x_m, flight.steps[i + 1].state.x_m, 1e-6) << "a jump at step " << i;
+    ASSERT_NEAR(next.altitude_m, flight.steps[i + 1].state.altitude_m, 1e-6);
+  }
+  const auto& end = flight.steps.back().state;
+  EXPECT_LT(std::hypot(end.x_m - guide.back().x_m, end.y_m - guide.back().y_m),
+            options_.goal_radius_m);
+
+  const auto loose = fly(false);
+  if (const auto* unkept = std::get_if<Flight>(&loose)) {
+    EXPECT_LT(least_height_m(map, unkept->steps), 0.0) << "the canyon is no test";
+  }
 }
 
 TEST_F(EscapeTest, ThereIsNoneOutOfAShaft) {

@@ -42,13 +42,14 @@ std::vector<geo::MapPoint> random_corners(std::mt19937_64& random, double extent
 
 struct Tally {
   int flown = 0;
+  int arrived = 0;
   int safe = 0;
 };
 
 // `masts`: towers of 72 to 168 m that the guide knows nothing of, a square kilometre.
-Tally fly_all(double slope_p90_deg, double masts) {
+Tally fly_all(double slope_p90_deg, double masts,
+              const LocalOptions& options = test::shipped_local_options()) {
   const auto vehicle = test::shipped_vehicle();
-  const LocalOptions options = test::shipped_local_options();
   std::mt19937_64 random(test::fresh_seed());
   Tally tally;
   map::Map bare;
@@ -79,6 +80,7 @@ Tally fly_all(double slope_p90_deg, double masts) {
     if (!std::holds_alternative<Flight>(result)) {
       continue;
     }
+    ++tally.arrived;
     const auto& steps = std::get<Flight>(result).steps;
     bool is_safe = std::hypot(steps.back().state.x_m - guide.back().x_m,
                               steps.back().state.y_m - guide.back().y_m) <= kGoalRadius_m;
@@ -101,6 +103,12 @@ TEST(RoughFlights, SteepHillsAreFlownWithTheRequiredClearance) {
 TEST(RoughFlights, MastsThatTheGuideDoesNotKnowAreAvoided) {
   const Tally tally = fly_all(25.0, 3.0);
   EXPECT_GE(tally.safe, kFlights * 95 / 100);
+}
+
+TEST(RoughFlights, RolloutsKeepTheRequiredClearanceWhereverTheyArrive) {
+  const Tally tally = fly_all(40.0, 3.0, test::shipped_local_options("local.mode=rollout"));
+  EXPECT_GE(tally.arrived, kFlights * 95 / 100);
+  EXPECT_EQ(tally.safe, tally.arrived);
 }
 
 }  // namespace
