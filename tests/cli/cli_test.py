@@ -1267,6 +1267,11 @@ class Json(CliTest):
             self.assertEqual((row["flights"], row["seed"]), (1, 5))
             self.assertLessEqual(row["collisions"], row["reached"])
         self.assertLess(safety["rows"][3]["mean_height_m"], safety["rows"][0]["mean_height_m"])
+        alone = self.one_object("evaluate", "local-safety", "--flights", "1", "--planner", "rollout", *common)
+        self.assertEqual(alone["rows"], [row for row in safety["rows"] if row["planner"] == "rollout"])
+        refused = self.hedgehop("evaluate", "local-safety", "--flights", "1", "--planner", "nobody", *common)
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("'nobody'", refused.stderr)
 
     def test_plan_within_a_risk(self):
         errors = ("--dem-error-m", "3", "--error-seed", "7")
