@@ -10,6 +10,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -406,15 +407,29 @@ ExitCode run(const Console& console, Arguments arguments) {
   std::vector<double> overheads_s;
   ordered_json plans = ordered_json::array();
   for (std::size_t i = 1; i < problems.size(); ++i) {
-    // Beside each other, so that whatever else the machine does weighs on both.
-    SilentObserver silent;
-    auto begin = std::chrono::steady_clock::now();
-    planning::plan(map, problems[i].request, config, {}, silent);
-    const double in_process_s = seconds_since(begin);
-    begin = std::chrono::steady_clock::now();
-    newest = chain.plan(problems[i], config.text, options.timeout_s);
-    const double over_bus_s = seconds_since(begin);
-    chain.compare(newest, problems[i]);
+    // Beside each other, so that whatever else the machine does weighs on both; and the quickest of
+    // several, because one plan of a second varies by more than what the bus adds to it. Another
+    // seed makes another request, which no service has an answer for.
+    double in_process_s = std::numeric_limits<double>::infinity();
+    double over_bus_s = std::numeric_limits<double>::infinity();
+    for (std::int64_t repeat = 0; repeat < options.repeats; ++repeat) {
+      Problem problem = problems[i];
+      problem.request.seed = seed + static_cast<std::uint64_t>(repeat);
+      SilentObserver silent;
+      auto begin = std::chrono::steady_clock::now();
+      const auto wanted = planning::plan(map, problem.request, config, {}, silent);
+      const double took_s = seconds_since(begin);
+      const auto* wanted_plan = std::get_if<flight::Plan>(&wanted);
+      if (wanted_plan == nullptr) {
+        continue;  // with that seed no way is found
+      }
+      in_process_s = std::min(in_process_s, took_s);
+      problem.trajectory = output::trajectory_csv(*wanted_plan);
+      begin = std::chrono::steady_clock::now();
+      newest = chain.plan(problem, config.text, options.timeout_s);
+      over_bus_s = std::min(over_bus_s, seconds_since(begin));
+      chain.compare(newest, problem);
+    }
     overheads_s.push_back(over_bus_s - in_process_s);
     plans.push_back({{"in_process_s", in_process_s}, {"over_bus_s", over_bus_s}});
   }
@@ -441,6 +456,7 @@ ExitCode run(const Console& console, Arguments arguments) {
                        {"first_plan_overhead_s", first_s - problems[0].in_process_s},
                        {"plan_overhead_s", nullptr},
                        {"plan_overhead_quartiles_s", nullptr},
+                       {"repeats", options.repeats},
                        {"plans", plans},
                        {"is_same", chain.is_same()}};
 
@@ -535,7 +551,9 @@ void add_bus_evaluation_verb(CLI::App& evaluate, Console& console) {
       "Starts the five services on a bus of their own and plans drawn flights over it and in this\n"
       "process; the trajectories must be the same, byte for byte. The first plan counts from the\n"
       "first MAP_INDEX, so that the map's way to the planners is in it. tile_mb_per_s counts the\n"
-      "bytes of the map's cells, which travel packed. The loss table is made in network "
+      "bytes of the map's cells, which travel packed. A later plan is made several times on "
+      "either\n"
+      "side, and the quickest are compared. The loss table is made in network "
       "namespaces;\n"
       "where these cannot be made it is null and loss_table_reason says why.\n"
       "Examples:\n"

@@ -38,6 +38,8 @@ BusOptions read_bus_options(ConfigReader& reader) {
   reader.require(options.lockstep_steps >= 1, "lockstep_steps", "must be at least 1");
   options.plans = reader.required_integer("plans");
   reader.require(options.plans >= 0 && options.plans <= 1000, "plans", "must lie in 0 to 1000");
+  options.repeats = reader.required_integer("repeats");
+  reader.require(options.repeats >= 1 && options.repeats <= 100, "repeats", "must lie in 1 to 100");
   options.drawing = read_drawing(reader);
   options.loss_percents = reader.required_doubles("loss_percents");
   for (const double percent : options.loss_percents) {

@@ -16,7 +16,8 @@ namespace hedgehop::evaluation {
 /// Section `bus` of the evaluation config.
 struct BusOptions {
   std::int64_t lockstep_steps = 0;
-  std::int64_t plans = 0;  // after the first one
+  std::int64_t plans = 0;    // after the first one
+  std::int64_t repeats = 0;  // of each of them, with seeds of their own
   DrawingRules drawing;
   std::vector<double> loss_percents;
   double timeout_s = 0.0;  // longest wait for a service
@@ -64,7 +65,8 @@ struct FlightResult {
   double above_margin_m = 0.0;
   double rotor_power_kw = 0.0;
   std::vector<FlightRow> rows;
-  // Every flight was within the margins, every one with feed-forward within the power that there is.
+  // Every flight was within the margins, every one with feed-forward within the power that there
+  // is.
   bool is_held = false;
 };
 /// JSON, schema_version first.
