@@ -286,13 +286,15 @@ void CommandModelService::take_off_if_ready(Time now) {
   remember_route(header.request_id, header.route);
   const Model model = model_of(header.request_id);
   exchange_.want(header.plan, "trajectory of request " + header.request_id.hex());
+  exchange_.want(header.route, "route of request " + header.request_id.hex());
   const Bytes* content = exchange_.content(header.plan.id);
-  if (!model || content == nullptr) {
+  const Bytes* route = exchange_.content(header.route.id);
+  if (!model || content == nullptr || route == nullptr) {
     return;
   }
   next_trajectory_.reset();
   auto next = std::make_unique<Flight>();
-  next->route = messages::decode_route_plan(*exchange_.content(header.route.id));
+  next->route = messages::decode_route_plan(*route);
   flight::Plan plan = messages::decode_flight_plan(*content, next->route, header.route.id);
   exchange_.forget(header.plan.id);
   if (plan.trajectory.states.size() < 2 || plan.trajectory.step_s > 0.2) {

@@ -140,6 +140,28 @@ TEST_F(CommandModelServiceTest, NeitherManyOtherRoutesNorUnanswerableTargetsKeep
   EXPECT_TRUE(is_answered(route_.request_id, 4));
 }
 
+TEST_F(CommandModelServiceTest, ATrajectoryIsFlownThoughItsRouteWasForgottenMeanwhile) {
+  bus::Bus& bus = chain_.listener().bus;
+  messages::VehicleTarget target;
+  target.request_id = route_.request_id;
+  target.is_lockstep = true;
+  target.step_s = 0.05;
+  target.state = command_model::trimmed_state(10.0, 20.0, 500.0, 40.0, 0.3, 1.0);
+  target.command = {38.0, 0.9, 3.0};
+  bus.publish(messages::kRouteChannel, route_, bus.now());
+  bus.publish(messages::kVehicleTargetChannel, target, bus.now());
+  ASSERT_TRUE(chain_.turn_until([&] { return !chain_.vehicle_states.empty(); }, 5.0));
+  for (std::uint64_t i = 0; i < 1100; ++i) {  // more than are remembered
+    messages::RouteHeader other = route_;
+    other.request_id = {7, i};
+    bus.publish(messages::kRouteChannel, other, bus.now());
+    chain_.turn();
+  }
+  chain_.vehicle_states.clear();
+  bus.publish(messages::kTrajectoryChannel, trajectory_, bus.now());
+  EXPECT_TRUE(chain_.turn_until([&] { return chain_.vehicle_states.size() >= 3; }, 5.0));
+}
+
 TEST_F(CommandModelServiceTest, ARealTimeTargetIsFollowedUntilItIsTooOld) {
   bus::Bus& bus = chain_.listener().bus;
   messages::VehicleTarget target;
