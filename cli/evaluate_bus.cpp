@@ -20,6 +20,7 @@
 #include "bus/map_exchange.hpp"
 #include "bus/private_url.hpp"
 #include "evaluation/flight_evaluation.hpp"
+#include "evaluation/paired_statistics.hpp"
 #include "evaluation_arguments.hpp"
 #include "geo/map_projection.hpp"
 #include "map/map_bundle.hpp"
@@ -51,15 +52,6 @@ struct Arguments {
 
 double seconds_since(SteadyTime time) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - time).count();
-}
-
-// Between the two values on either side of `share` of the sorted values; not of none.
-double quantile(std::vector<double> values, double share) {
-  std::sort(values.begin(), values.end());
-  const double place = share * static_cast<double>(values.size() - 1);
-  const auto below = static_cast<std::size_t>(place);
-  const std::size_t above = std::min(below + 1, values.size() - 1);
-  return values[below] + (place - static_cast<double>(below)) * (values[above] - values[below]);
 }
 
 // A folder for logs of the services, gone with the object.
@@ -461,8 +453,9 @@ ExitCode run(const Console& console, Arguments arguments) {
                        {"is_same", chain.is_same()}};
 
   if (!overheads_s.empty()) {
-    json["plan_overhead_s"] = quantile(overheads_s, 0.5);
-    json["plan_overhead_quartiles_s"] = {quantile(overheads_s, 0.25), quantile(overheads_s, 0.75)};
+    json["plan_overhead_s"] = evaluation::median_of(overheads_s);
+    json["plan_overhead_quartiles_s"] = {evaluation::quantile_of(overheads_s, 0.25),
+                                         evaluation::quantile_of(overheads_s, 0.75)};
   }
 
   std::string reason;
@@ -519,8 +512,8 @@ ExitCode run(const Console& console, Arguments arguments) {
     if (!overheads_s.empty()) {
       std::printf(
           "later plans      %+.3f s for the bus (median of %zu; half are from %+.3f to %+.3f)\n",
-          quantile(overheads_s, 0.5), overheads_s.size(), quantile(overheads_s, 0.25),
-          quantile(overheads_s, 0.75));
+          evaluation::median_of(overheads_s), overheads_s.size(),
+          evaluation::quantile_of(overheads_s, 0.25), evaluation::quantile_of(overheads_s, 0.75));
     }
     if (!reason.empty()) {
       std::printf("packet loss      %s\n", reason.c_str());
@@ -551,10 +544,8 @@ void add_bus_evaluation_verb(CLI::App& evaluate, Console& console) {
       "Starts the five services on a bus of their own and plans drawn flights over it and in this\n"
       "process; the trajectories must be the same, byte for byte. The first plan counts from the\n"
       "first MAP_INDEX, so that the map's way to the planners is in it. tile_mb_per_s counts the\n"
-      "bytes of the map's cells, which travel packed. A later plan is made several times on "
-      "either\n"
-      "side, and the quickest are compared. The loss table is made in network "
-      "namespaces;\n"
+      "bytes of the map's cells, which travel packed. A later plan is made several times on\n"
+      "either side, and the quickest are compared. The loss table is made in network namespaces;\n"
       "where these cannot be made it is null and loss_table_reason says why.\n"
       "Examples:\n"
       "  hedgehop evaluate bus --json\n"

@@ -324,7 +324,8 @@ class Page:
                        number(result["error"]["mean_abs"], 4))
             self.below("visibility error, greatest of the drawn cells at most 0.005", region,
                        result["error"]["max_abs"], 0.005, number(result["error"]["max_abs"], 4),
-                       "what remains lies between the rays: more azimuths bring it down and cost time in proportion")
+                       "the greatest come from shifting a ray sideways next to the observer, the others from what "
+                       "lies between the azimuths; mending either costs time")
             self.below("visibility error, 95 % of the cells at most 0.002", region, result["error"]["p95_abs"], 0.002,
                        number(result["error"]["p95_abs"], 4), "as above")
         self.say(table(["region", "instructions", "s per million cells", "mean error", "95 %", "greatest",

@@ -22,15 +22,6 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kCostStep_m = 1.0;
 
-double p95_of(std::vector<double> values) {
-  if (values.empty()) {
-    return kNaN;
-  }
-  std::sort(values.begin(), values.end());
-  const double count = static_cast<double>(values.size());
-  return values[static_cast<std::size_t>(std::ceil(0.95 * count)) - 1];
-}
-
 /// Judges the routes of one problem.
 class Judge {
  public:
@@ -148,7 +139,7 @@ OptimalityRow row_of(const std::vector<OptimalityProblem>& problems, const Conte
   row.first_route_s_median = median_of(first_s);
   row.first_route_over_best_median = median_of(first_over_best);
   row.cost_over_best_median = median_of(over_best);
-  row.cost_over_best_p95 = p95_of(over_best);
+  row.cost_over_best_p95 = quantile_of(over_best, 0.95);
   row.cost_over_bound_median = median_of(over_bound);
   row.edges_per_s = time_s > 0.0 ? edges / time_s : kNaN;
   row.overshoot_s_median = median_of(overshoot_s);

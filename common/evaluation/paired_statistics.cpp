@@ -27,6 +27,15 @@ double median_of(std::vector<double> values) {
   return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
 }
 
+double quantile_of(std::vector<double> values, double share) {
+  if (values.empty()) {
+    return kNan;
+  }
+  std::sort(values.begin(), values.end());
+  const double rank = std::ceil(share * static_cast<double>(values.size()));
+  return values[std::max<std::size_t>(1, static_cast<std::size_t>(rank)) - 1];
+}
+
 PairedChange paired_change(const std::vector<double>& values, const std::vector<double>& baseline,
                            std::int64_t bootstrap_draws, std::uint64_t seed) {
   if (values.empty() || values.size() != baseline.size() || bootstrap_draws < 1) {

@@ -7,6 +7,10 @@ namespace hedgehop::evaluation {
 
 /// NaN for no values; the mean of the middle two of an even number.
 double median_of(std::vector<double> values);
+/// The least value that at least `share` of all do not exceed (nearest rank); NaN for no values.
+///
+/// @param share  above 0, at most 1
+double quantile_of(std::vector<double> values, double share);
 
 /// How a quantity changed between pairs of runs. Changes are relative: -0.05 is a twentieth less.
 struct PairedChange {

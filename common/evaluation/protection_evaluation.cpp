@@ -10,6 +10,7 @@
 #include <random>
 
 #include "base/errors.hpp"
+#include "evaluation/paired_statistics.hpp"
 #include "geo/gdal_guards.hpp"
 
 namespace hedgehop::evaluation {
@@ -29,18 +30,17 @@ ErrorStatistics statistics_of(const std::vector<double>& errors) {
   if (errors.empty()) {
     return statistics;
   }
-  std::vector<double> sorted;
+  std::vector<double> sizes;
   const auto count = static_cast<double>(errors.size());
   statistics.bias = 0.0;
   statistics.mean_abs = 0.0;
   for (const double error : errors) {
     statistics.bias += error / count;
     statistics.mean_abs += std::fabs(error) / count;
-    sorted.push_back(std::fabs(error));
+    sizes.push_back(std::fabs(error));
   }
-  std::sort(sorted.begin(), sorted.end());
-  statistics.p95_abs = sorted[static_cast<std::size_t>(std::ceil(0.95 * count)) - 1];
-  statistics.max_abs = sorted.back();
+  statistics.p95_abs = quantile_of(sizes, 0.95);
+  statistics.max_abs = quantile_of(sizes, 1.0);
   return statistics;
 }
 

@@ -277,9 +277,7 @@ Spread spread_of(std::vector<double> values) {
   if (values.empty()) {
     return {kNaN, kNaN, kNaN};
   }
-  std::sort(values.begin(), values.end());
-  const auto rank = static_cast<std::size_t>(std::ceil(0.95 * static_cast<double>(values.size())));
-  return {median_of(values), values[rank - 1], values.back()};
+  return {median_of(values), quantile_of(values, 0.95), quantile_of(values, 1.0)};
 }
 
 std::string replanning_json(const ReplanningResult& result, const MachineRecord& machine) {

@@ -10,6 +10,16 @@
 namespace hedgehop::evaluation {
 namespace {
 
+TEST(Quantile, IsTheValueThatTheShareDoesNotExceed) {
+  const std::vector<double> values = {5.0, 1.0, 4.0, 2.0, 3.0};
+  EXPECT_EQ(quantile_of(values, 0.2), 1.0);
+  EXPECT_EQ(quantile_of(values, 0.21), 2.0);
+  EXPECT_EQ(quantile_of(values, 0.75), 4.0);
+  EXPECT_EQ(quantile_of(values, 0.95), 5.0);
+  EXPECT_EQ(quantile_of(values, 1.0), 5.0);
+  EXPECT_TRUE(std::isnan(quantile_of({}, 0.5)));
+}
+
 TEST(PairedChange, HasTheFiguresOfAHandCalculation) {
   const PairedChange change = paired_change({90.0, 110.0, 30.0}, {100.0, 100.0, 50.0}, 1000, 1);
   EXPECT_EQ(change.pairs, 3);

@@ -33,6 +33,18 @@ class CommandModelServiceTest : public ::testing::Test {
     chain_.add_command_model();
   }
 
+  // Step 7 of the route's vehicle.
+  [[nodiscard]] messages::VehicleTarget lockstep_target() const {
+    messages::VehicleTarget target;
+    target.request_id = route_.request_id;
+    target.step_number = 7;
+    target.is_lockstep = true;
+    target.step_s = 0.05;
+    target.state = command_model::trimmed_state(10.0, 20.0, 500.0, 40.0, 0.3, 1.0);
+    target.command = {38.0, 0.9, 3.0};
+    return target;
+  }
+
   test::InProcessChain chain_;
   map::Map map_ = test::small_hills();
   flight::Plan plan_;
@@ -68,13 +80,7 @@ TEST_F(CommandModelServiceTest, FliesATrajectoryInRealTimeAndStaysOnIt) {
 
 TEST_F(CommandModelServiceTest, ALockstepTargetIsAnsweredByOneStepHoweverOftenItIsAsked) {
   bus::Bus& bus = chain_.listener().bus;
-  messages::VehicleTarget target;
-  target.request_id = route_.request_id;
-  target.step_number = 7;
-  target.is_lockstep = true;
-  target.step_s = 0.05;
-  target.state = command_model::trimmed_state(10.0, 20.0, 500.0, 40.0, 0.3, 1.0);
-  target.command = {38.0, 0.9, 3.0};
+  const messages::VehicleTarget target = lockstep_target();
   bus.publish(messages::kRouteChannel, route_, bus.now());
   bus.publish(messages::kVehicleTargetChannel, target, bus.now());
   bus.publish(messages::kVehicleTargetChannel, target, bus.now());
@@ -95,11 +101,7 @@ TEST_F(CommandModelServiceTest, ALockstepTargetIsAnsweredByOneStepHoweverOftenIt
 TEST_F(CommandModelServiceTest, NeitherManyOtherRoutesNorUnanswerableTargetsKeepLockstepWaiting) {
   bus::Bus& bus = chain_.listener().bus;
   bus::BlobExchange& exchange = chain_.listener().exchange;
-  messages::VehicleTarget target;
-  target.is_lockstep = true;
-  target.step_s = 0.05;
-  target.state = command_model::trimmed_state(10.0, 20.0, 500.0, 40.0, 0.3, 1.0);
-  target.command = {38.0, 0.9, 3.0};
+  messages::VehicleTarget target = lockstep_target();
   bus.publish(messages::kRouteChannel, route_, bus.now());
   std::vector<messages::RouteHeader> others;
   for (std::uint64_t i = 0; i < 40; ++i) {
@@ -142,12 +144,7 @@ TEST_F(CommandModelServiceTest, NeitherManyOtherRoutesNorUnanswerableTargetsKeep
 
 TEST_F(CommandModelServiceTest, ATrajectoryIsFlownThoughItsRouteWasForgottenMeanwhile) {
   bus::Bus& bus = chain_.listener().bus;
-  messages::VehicleTarget target;
-  target.request_id = route_.request_id;
-  target.is_lockstep = true;
-  target.step_s = 0.05;
-  target.state = command_model::trimmed_state(10.0, 20.0, 500.0, 40.0, 0.3, 1.0);
-  target.command = {38.0, 0.9, 3.0};
+  const messages::VehicleTarget target = lockstep_target();
   bus.publish(messages::kRouteChannel, route_, bus.now());
   bus.publish(messages::kVehicleTargetChannel, target, bus.now());
   ASSERT_TRUE(chain_.turn_until([&] { return !chain_.vehicle_states.empty(); }, 5.0));
