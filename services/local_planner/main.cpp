@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
       std::puts("ok");
       return 0;
     }
+    services::keep_freed_memory();
     const services::ThreadLimit threads(*arguments);
     bus::Bus bus(arguments->bus);
     bus::BlobExchange exchange({.send_rate_bytesps = options.send_rate_bytesps}, bus);

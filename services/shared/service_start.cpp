@@ -1,6 +1,8 @@
 #include "service_start.hpp"
 
 #include <charconv>
+#include <limits>
+#include <malloc.h>
 #include <tbb/global_control.h>
 
 #include "base/errors.hpp"
@@ -27,6 +29,12 @@ struct ThreadLimit::Control {
       : control(tbb::global_control::max_allowed_parallelism, threads) {}
   tbb::global_control control;
 };
+
+void keep_freed_memory() {
+  constexpr int kLargestInHeap_bytes = 32 << 20;  // all that the library takes
+  mallopt(M_MMAP_THRESHOLD, kLargestInHeap_bytes);
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+}
 
 bus::ServiceOption threads_option() {
   return {"--threads", "N", "Number of threads; never changes a result (default: all cores)"};
