@@ -1,6 +1,7 @@
 #include "preparation/visibility.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <limits>
@@ -149,6 +150,14 @@ void add_line(const Tile& tile, const SightLine& line, int further_count, TileSu
   std::vector<std::int32_t> left(static_cast<std::size_t>(buffer_rows));
   std::vector<float> fraction(static_cast<std::size_t>(buffer_rows));
   std::vector<ObserverRow> rows;
+  std::array<std::int32_t, 2 * kExactSteps> exact_left{};
+  std::array<float, 2 * kExactSteps> exact_fraction{};
+  for (int i = 0; i < 2 * kExactSteps; ++i) {
+    const int rows_ahead = i < kExactSteps ? i + 1 : kExactSteps - 1 - i;
+    const Crossing crossing = crossing_beside(line.slope, rows_ahead);
+    exact_left[static_cast<std::size_t>(i)] = crossing.left;
+    exact_fraction[static_cast<std::size_t>(i)] = crossing.fraction;
+  }
   LineTask task;
   task.ground_m = pass.ground_m.at(0, first_row);
   task.ground_weight = pass.weight.values.empty() ? nullptr : pass.weight.at(0, first_row);
@@ -156,6 +165,8 @@ void add_line(const Tile& tile, const SightLine& line, int further_count, TileSu
   task.stride = pass.ground_m.stride;
   task.left = left.data();
   task.fraction = fraction.data();
+  task.exact_left = exact_left.data();
+  task.exact_fraction = exact_fraction.data();
   task.buffer_rows = buffer_rows;
   task.steps = &line.steps;
   task.further_count = further_count;
@@ -179,7 +190,7 @@ void add_line(const Tile& tile, const SightLine& line, int further_count, TileSu
       }
       const int skew = pass.column + foot.shift;
       rows.push_back({row + reach, skew + span.begin, skew + span.end,
-                      row * sums.stride - skew - tile.column + kIdleLanes});
+                      row * sums.stride - skew - tile.column + kIdleLanes, foot.shift});
     }
     if (rows.empty()) {
       continue;

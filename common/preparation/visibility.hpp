@@ -82,8 +82,9 @@ struct VisibilitySums {
 ///      it covers, times the weight of the ground; segments end at radius_m.
 /// R    radius of the earth; without the last term if it is taken as flat           [m]
 ///
-/// A ray may lie up to a quarter of a cell beside its observer (see visibility_lines.hpp). Unknown
-/// cells (NaN) and cells outside the raster neither count nor hide anything.
+/// The nearest eight samples lie exactly on the ray and have b_k = 0; beyond them it may lie up to
+/// a quarter of a cell beside its observer (see visibility_lines.hpp). Unknown cells (NaN) and
+/// cells outside the raster neither count nor hide anything.
 ///
 /// Further heights look along every second line and add what they see more than the reference
 /// height does on the same lines: share_i = share + (seen_i - seen) / known. A greater height never

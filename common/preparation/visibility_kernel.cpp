@@ -21,7 +21,7 @@ constexpr int kLanes = static_cast<int>(hn::MaxLanes(FloatTag()));
 
 // At least so many rows on each side are near; a multiple of kBlockRows.
 constexpr int kNearRows = 16;
-static_assert(kNearRows % kBlockRows == 0);
+static_assert(kNearRows % kBlockRows == 0 && kExactSteps <= kNearRows);
 // From here on two blocks are asked about at once.
 constexpr int kAskedTwiceUntil = 48;
 
@@ -239,12 +239,72 @@ HWY_NOINLINE void look_from_all(const RaySteps& steps, const StripObservers& obs
   }
 }
 
+// The nearest samples of both rays of a row of observers, `side` 0 ahead and 1 behind.
+struct ExactSamples {
+  const LineTask* task = nullptr;
+  const float* ground_m[2] = {nullptr, nullptr};
+  const float* weight[2] = {nullptr, nullptr};
+
+  ExactSamples(const LineTask& of_task, const ObserverRow& row, int skewed_column)
+      : task(&of_task) {
+    const std::ptrdiff_t at =
+        row.buffer_row * of_task.stride + static_cast<std::ptrdiff_t>(skewed_column) - row.shift;
+    ground_m[0] = of_task.ground_m + at + of_task.stride;
+    ground_m[1] = of_task.ground_m + at - of_task.stride;
+    if (of_task.ground_weight != nullptr) {
+      weight[0] = of_task.ground_weight + at + of_task.stride;
+      weight[1] = of_task.ground_weight + at - of_task.stride;
+    }
+  }
+
+  [[nodiscard]] HWY_INLINE std::ptrdiff_t offset(int i, int side) const {
+    return (side == 0 ? i : -i) * task->stride + task->exact_left[side * kExactSteps + i];
+  }
+  [[nodiscard]] HWY_INLINE Floats height_m(int i, int side) const {
+    const FloatTag tag;
+    const float* left = ground_m[side] + offset(i, side);
+    const Floats a = hn::LoadU(tag, left);
+    const Floats b = hn::LoadU(tag, left + 1);
+    return hn::MulAdd(hn::Set(tag, task->exact_fraction[side * kExactSteps + i]), hn::Sub(b, a), a);
+  }
+  // 0 where the ground, of this height, is unknown.
+  [[nodiscard]] HWY_INLINE Floats ground_weight(int i, int side, Floats z) const {
+    const FloatTag tag;
+    const float fraction = task->exact_fraction[side * kExactSteps + i];
+    const float* nearest = weight[side] + offset(i, side) + (fraction < 0.5F ? 0 : 1);
+    return hn::IfThenElseZero(hn::Gt(z, hn::Set(tag, kUnknownBelow_m)), hn::LoadU(tag, nearest));
+  }
+};
+
+// Adds up the weight of unknown ground at the nearest samples.
+template <bool kWeighted>
+HWY_NOINLINE void add_near_unknown(const LineTask& task, StripObservers& observers,
+                                   const ExactSamples& samples, std::ptrdiff_t o) {
+  const FloatTag tag;
+  const float* step_weight = task.steps->weight.data() + kBlockRows;
+  const Floats full = hn::Set(tag, task.ground_weight_max);
+  Floats sum = hn::Load(tag, observers.unknown + o * kLanes);
+  for (int side = 0; side < 2; ++side) {
+    for (int i = 0; i < std::min(kExactSteps, task.steps->count); ++i) {
+      const Floats z = samples.height_m(i, side);
+      Floats lack = hn::IfThenElseZero(hn::Le(z, hn::Set(tag, kUnknownBelow_m)), full);
+      if constexpr (kWeighted) {
+        lack = hn::Sub(full, samples.ground_weight(i, side, z));
+      }
+      sum = hn::MulAdd(lack, hn::Set(tag, step_weight[i]), sum);
+    }
+  }
+  hn::Store(sum, tag, observers.unknown + o * kLanes);
+  observers.is_some_unknown = true;
+}
+
 // Both rays of a row of observers over the near ground, which some lane nearly always sees: `up`
 // and `down` rows of it.
 template <int kFurther, bool kEdges, bool kWeighted>
-HWY_NOINLINE void look_near(const RaySteps& steps, const Strip& strip,
-                            const StripObservers& observers, std::ptrdiff_t o, int up, int down) {
+HWY_NOINLINE void look_near(const LineTask& task, const Strip& strip, StripObservers& observers,
+                            const ExactSamples& samples, std::ptrdiff_t o, int up, int down) {
   const FloatTag tag;
+  const RaySteps& steps = *task.steps;
   const float* HWY_RESTRICT inverse_distance = steps.inverse_distance_1pm.data() + kBlockRows;
   const float* HWY_RESTRICT drop_slope = steps.drop_slope.data() + kBlockRows;
   const float* HWY_RESTRICT step_weight = steps.weight.data() + kBlockRows;
@@ -264,6 +324,30 @@ HWY_NOINLINE void look_near(const RaySteps& steps, const Strip& strip,
     further_greatest[h][1] = hn::Set(tag, kLowestSlope);
     further_seen[h] = hn::Zero(tag);
   }
+  const auto look_at = [&](int i, int side, Floats slope, Floats looked_at,
+                           Floats counts) HWY_ATTR {
+    seen[side] = add_if(hn::Ge(looked_at, greatest[side]), seen[side], counts);
+    greatest[side] = hn::Max(greatest[side], slope);
+#pragma GCC unroll 4
+    for (int h = 0; h < kFurther; ++h) {
+      const Floats lower = hn::Set(tag, further_slopes[i * kFurther + h]);
+      further_seen[h] = add_if(hn::Ge(hn::Sub(looked_at, lower), further_greatest[h][side]),
+                               further_seen[h], counts);
+      further_greatest[h][side] = hn::Max(further_greatest[h][side], hn::Sub(slope, lower));
+    }
+  };
+  Floats lowest = eye;
+  const auto exact_step = [&](int i, int side) HWY_ATTR {
+    const Floats z = samples.height_m(i, side);
+    lowest = hn::Min(lowest, z);
+    const Floats slope =
+        hn::MulSub(hn::Sub(z, eye), hn::Set(tag, inverse_distance[i]), hn::Set(tag, drop_slope[i]));
+    Floats counts = hn::Set(tag, step_weight[i]);
+    if constexpr (kWeighted) {
+      counts = hn::Mul(counts, samples.ground_weight(i, side, z));
+    }
+    look_at(i, side, slope, slope, counts);
+  };
   const auto step = [&](int i, int side, std::ptrdiff_t at) HWY_ATTR {
     const Floats inverse = hn::Set(tag, inverse_distance[i]);
     const Floats slope = hn::MulSub(hn::Sub(hn::Load(tag, hiding_m + at), eye), inverse,
@@ -276,27 +360,23 @@ HWY_NOINLINE void look_near(const RaySteps& steps, const Strip& strip,
     if constexpr (kWeighted) {
       counts = hn::Mul(counts, hn::Load(tag, ground_weight + at));
     }
-    seen[side] = add_if(hn::Ge(looked_at, greatest[side]), seen[side], counts);
-    greatest[side] = hn::Max(greatest[side], slope);
-#pragma GCC unroll 4
-    for (int h = 0; h < kFurther; ++h) {
-      const Floats lower = hn::Set(tag, further_slopes[i * kFurther + h]);
-      further_seen[h] = add_if(hn::Ge(hn::Sub(looked_at, lower), further_greatest[h][side]),
-                               further_seen[h], counts);
-      further_greatest[h][side] = hn::Max(further_greatest[h][side], hn::Sub(slope, lower));
-    }
+    look_at(i, side, slope, looked_at, counts);
   };
   int i = 0;
+  for (; i < std::min(kExactSteps, steps.count); ++i) {
+    exact_step(i, 0);
+    exact_step(i, 1);
+  }
   for (; i < std::min(up, down); ++i) {
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(i + 1) * kLanes;
     step(i, 0, at);
     step(i, 1, -at);
   }
-  for (; i < up; ++i) {
-    step(i, 0, static_cast<std::ptrdiff_t>(i + 1) * kLanes);
+  for (int k = i; k < up; ++k) {
+    step(k, 0, static_cast<std::ptrdiff_t>(k + 1) * kLanes);
   }
-  for (; i < down; ++i) {
-    step(i, 1, -static_cast<std::ptrdiff_t>(i + 1) * kLanes);
+  for (int k = i; k < down; ++k) {
+    step(k, 1, -static_cast<std::ptrdiff_t>(k + 1) * kLanes);
   }
   hn::Store(greatest[0], tag, observers.greatest + o * kLanes);
   hn::Store(greatest[1], tag, observers.greatest + observers.down + o * kLanes);
@@ -309,25 +389,32 @@ HWY_NOINLINE void look_near(const RaySteps& steps, const Strip& strip,
               observers.further_greatest + kFurther * observers.further_plane + at);
     hn::Store(further_seen[h], tag, observers.further_seen + at);
   }
+  if (kWeighted || !hn::AllFalse(tag, hn::Le(lowest, hn::Set(tag, kUnknownBelow_m)))) {
+    add_near_unknown<kWeighted>(task, observers, samples, o);
+  }
 }
 
-// All near rays of a strip. They end with a block.
+// All near rays of a strip, which starts with a skewed column. They end with a block.
 template <int kFurther>
-void look_near_all(const RaySteps& steps, const Strip& strip, const StripObservers& observers) {
+void look_near_all(const LineTask& task, const Strip& strip, StripObservers& observers,
+                   int column) {
+  const RaySteps& steps = *task.steps;
   for (std::ptrdiff_t o = 0; o < observers.count; ++o) {
     const int row = observers.buffer_row[o];
     const int up = std::min(kNearRows + kBlockRows - 1 - row % kBlockRows, steps.count);
     const int down = std::min(kNearRows + row % kBlockRows, steps.count);
+    const ExactSamples samples(task, (*task.rows)[static_cast<std::size_t>(observers.from[o])],
+                               column);
     std::int32_t kinds = 0;
     for (int b = (row - down) / kBlockRows; b <= (row + up) / kBlockRows; ++b) {
       kinds |= strip.block_kind[b];
     }
     if (strip.weight != nullptr) {
-      look_near<kFurther, true, true>(steps, strip, observers, o, up, down);
+      look_near<kFurther, true, true>(task, strip, observers, samples, o, up, down);
     } else if ((kinds & kHasEdges) != 0) {
-      look_near<kFurther, true, false>(steps, strip, observers, o, up, down);
+      look_near<kFurther, true, false>(task, strip, observers, samples, o, up, down);
     } else {
-      look_near<kFurther, false, false>(steps, strip, observers, o, up, down);
+      look_near<kFurther, false, false>(task, strip, observers, samples, o, up, down);
     }
   }
 }
@@ -343,19 +430,19 @@ HWY_NOINLINE void add_unknown(const LineTask& task, StripObservers& observers, c
     float* unknown = observers.unknown + o * kLanes;
     Floats sum = hn::Load(tag, unknown);
     if ((kind & kHasKnown) == 0) {
-      const float weight = steps.weight_before[k + kBlockRows] - steps.weight_before[k];
+      const float weight = steps.line_weight_before[k + kBlockRows] - steps.line_weight_before[k];
       sum = hn::Add(sum, hn::Set(tag, weight * task.ground_weight_max));
     } else if (block.weight != nullptr) {
       for (int i = 0; i < kBlockRows; ++i) {
         const Floats lack = hn::Sub(hn::Set(tag, task.ground_weight_max),
                                     hn::Load(tag, block.weight + i * block.stride));
-        sum = hn::MulAdd(lack, hn::Set(tag, steps.weight[k + i]), sum);
+        sum = hn::MulAdd(lack, hn::Set(tag, steps.line_weight[k + i]), sum);
       }
     } else {
       for (int i = 0; i < kBlockRows; ++i) {
         const Floats z = hn::Load(tag, block.hiding_m + i * block.stride);
         sum = add_if(hn::Le(z, hn::Set(tag, kUnknownBelow_m)), sum,
-                     hn::Set(tag, steps.weight[k + i]));
+                     hn::Set(tag, steps.line_weight[k + i]));
       }
     }
     hn::Store(sum, tag, unknown);
@@ -663,7 +750,7 @@ void run(const LineTask& task, float* floats, std::int32_t* indices) {
         planned_first = observers.from[0];
         planned_last = observers.from[n - 1];
       }
-      look_near_all<kFurther>(*task.steps, strip, observers);
+      look_near_all<kFurther>(task, strip, observers, column);
       look_along<kFurther>(task, strip, observers, upwards);
       std::swap(observers.greatest, greatest_down);
       std::swap(observers.further_greatest, further_greatest_down);

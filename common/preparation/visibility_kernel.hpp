@@ -45,6 +45,8 @@ inline constexpr int kStripsTogether = 4;
 inline constexpr int kPlanNumbers = 6;
 /// Rows of a block.
 inline constexpr int kBlockRows = 8;
+/// So many samples of a ray, the nearest ones, lie exactly on it, wherever the line runs.
+inline constexpr int kExactSteps = 8;
 /// Further heights in one pass.
 inline constexpr int kFurtherHeightsMax = 4;
 
@@ -54,9 +56,10 @@ inline constexpr int kFurtherHeightsMax = 4;
 struct RaySteps {
   int count = 0;
   std::vector<float> inverse_distance_1pm;
-  std::vector<float> drop_slope;      // how much lower the curved earth makes it look
-  std::vector<float> weight;          // whole numbers
-  std::vector<float> weight_before;   // sum of the weights of all elements before
+  std::vector<float> drop_slope;          // how much lower the curved earth makes it look
+  std::vector<float> weight;              // whole numbers
+  std::vector<float> line_weight;         // the same, but 0 for the nearest kExactSteps
+  std::vector<float> line_weight_before;  // sum of line_weight of all elements before
   std::vector<float> further_slopes;  // (height - reference height) / distance, by step and height
 };
 
@@ -66,6 +69,7 @@ struct ObserverRow {
   int skewed_begin = 0;  // skewed columns with observers
   int skewed_end = 0;
   std::ptrdiff_t at = 0;  // of skewed column 0 in the arrays for observers
+  int shift = 0;          // skewed column less column of the raster
 };
 
 /// All lines of one direction and phase in a tile.
@@ -76,7 +80,10 @@ struct LineTask {
   std::ptrdiff_t stride = 0;           // of both
   const std::int32_t* left = nullptr;  // raster column of skewed column 0, by buffer row
   const float* fraction = nullptr;     // share of its right neighbour, by buffer row
-  int buffer_rows = 0;                 // multiple of kBlockRows
+  // Where the nearest samples lie beside their observer: kExactSteps ahead, then as many behind.
+  const std::int32_t* exact_left = nullptr;  // columns
+  const float* exact_fraction = nullptr;     // share of the right neighbour
+  int buffer_rows = 0;                       // multiple of kBlockRows
   const RaySteps* steps = nullptr;
   int further_count = 0;                           // 0..kFurtherHeightsMax
   const std::vector<ObserverRow>* rows = nullptr;  // upwards

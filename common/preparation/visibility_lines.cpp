@@ -51,8 +51,10 @@ RaySteps ray_steps(const VisibilityOptions& options, double step_m, double ray_w
       weight = weight_within(outer_m) - weight_within(distance_m - 0.5 * step_m);
     }
     steps.weight.push_back(static_cast<float>(weight));
-    steps.weight_before.push_back(static_cast<float>(before));
-    before += weight;
+    const double line_weight = k > kExactSteps ? weight : 0.0;
+    steps.line_weight.push_back(static_cast<float>(line_weight));
+    steps.line_weight_before.push_back(static_cast<float>(before));
+    before += line_weight;
     // Behind the eye all slopes are the lowest, so that the greatest stays.
     steps.inverse_distance_1pm.push_back(k < 1 ? 0.0F : static_cast<float>(1.0 / distance_m));
     steps.drop_slope.push_back(k < 1 ? -kLowestSlope : static_cast<float>(drop_1pm * distance_m));
@@ -89,7 +91,8 @@ std::vector<SightLine> sight_lines(const VisibilityOptions& options, double cell
     const double ray_weight = has_ground_weights ? kWeightedRayWeight : kRayWeight;
     line.steps = ray_steps(options, step_m, ray_weight);
     const double full_weight = has_ground_weights ? kGroundWeightMax : 1.0;
-    line.ray_weight = static_cast<std::uint32_t>(full_weight * line.steps.weight_before.back());
+    line.ray_weight = static_cast<std::uint32_t>(
+        full_weight * std::accumulate(line.steps.weight.begin(), line.steps.weight.end(), 0.0));
     lines.push_back(std::move(line));
   }
   return lines;

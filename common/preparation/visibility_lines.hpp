@@ -16,7 +16,9 @@
 ///     x(R) = j + slope R + phase / 2        R counted from the origin of the map frame
 ///
 /// with whole numbers j, so that which line serves an observer depends on the place alone and not
-/// on the block or tile that is computed: one at most a quarter of a cell beside the observer.
+/// on the block or tile that is computed: one at most a quarter of a cell beside the observer. The
+/// nearest kExactSteps samples lie on the ray itself, x(R) = column + slope (R - row): a tree or a
+/// house there hides much, and a quarter of a cell decides whether it does.
 /// Positions are fixed-point numbers with 32 binary places.
 namespace hedgehop::preparation {
 
@@ -62,6 +64,11 @@ inline Crossing crossing_of_line(std::int64_t slope, int phase, std::int64_t row
   const std::int64_t x = slope * row + (static_cast<std::int64_t>(phase) << (32 - kPhaseBits));
   return {static_cast<std::int32_t>(x >> 32),
           static_cast<float>((x >> 16) & 0xffff) * (1.0F / 65536.0F)};
+}
+
+/// Where a ray crosses the row that lies `rows` above its observer, columns counted from its own.
+inline Crossing crossing_beside(std::int64_t slope, int rows) {
+  return crossing_of_line(slope, 0, rows);
 }
 
 /// What a ray looks at where it crosses a row between `left` and `right` is so much higher than the

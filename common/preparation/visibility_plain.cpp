@@ -36,8 +36,10 @@ void add_plain_line(const VisibilityGround& ground, const SightLine& line, bool 
     for (int k = 1; k <= line.steps.count; ++k) {
       const auto step = static_cast<std::size_t>(k - 1 + kBlockRows);
       const int r = row + direction * k;
-      const Crossing crossing = crossing_of_line(line.slope, foot.phase, origin + r);
-      const int c = column + foot.shift + crossing.left;
+      const bool is_exact = k <= kExactSteps;
+      const Crossing crossing = is_exact ? crossing_beside(line.slope, direction * k)
+                                         : crossing_of_line(line.slope, foot.phase, origin + r);
+      const int c = column + (is_exact ? 0 : foot.shift) + crossing.left;
       const auto at = [&](int beside) {
         return is_transposed ? known_or_far_below(ground.opaque_m, r, c + beside)
                              : known_or_far_below(ground.opaque_m, c + beside, r);
@@ -46,7 +48,8 @@ void add_plain_line(const VisibilityGround& ground, const SightLine& line, bool 
       const float z_m = std::fma(crossing.fraction, at(1) - left_m, left_m);
       const bool is_left = crossing.fraction < 0.5F;
       const float edge_m =
-          edge_height_m(crossing.fraction, left_m, at(1), at(is_left ? -1 : 2), z_m);
+          is_exact ? 0.0F
+                   : edge_height_m(crossing.fraction, left_m, at(1), at(is_left ? -1 : 2), z_m);
       float counts = line.steps.weight[step];
       if (ground.weight != nullptr) {
         const int beside = is_left ? 0 : 1;
