@@ -40,6 +40,7 @@ struct RandomArguments {
 struct ProtectionArguments {
   std::string map;
   std::int64_t cells = 0;
+  int azimuths = 0;  // 0: as configured
   SeedArgument seed;
   preparation::Simd simd = preparation::Simd::kBest;
 };
@@ -109,6 +110,9 @@ ExitCode run_protection(const Console& console, const ProtectionArguments& argum
   preparation::VisibilityOptions visibility = preparation::PrepareOptions::read(reader).visibility;
   visibility.radius_m = map.visibility_radius_m;
   visibility.reference_height_m = map.reference_height_m;
+  if (arguments.azimuths > 0) {
+    visibility.azimuths = arguments.azimuths;
+  }
   const int processors = static_cast<int>(std::max(1L, ::sysconf(_SC_NPROCESSORS_ONLN)));
   const int threads = console.threads > 0 ? console.threads : processors;
   const auto observer = console.observer();
@@ -119,9 +123,10 @@ ExitCode run_protection(const Console& console, const ProtectionArguments& argum
     std::printf("%s", evaluation::protection_result_json(result).c_str());
     return evaluation_code(console, result.is_stopped);
   }
-  std::printf("processor time   %.2f s per million cells (%s, %d threads), %.2f s with one\n",
-              result.cpu_s_per_million_cells, result.simd.c_str(), result.threads,
-              result.one_thread_cpu_s_per_million_cells);
+  std::printf(
+      "processor time   %.2f s per million cells (%d azimuths, %s, %d threads), %.2f s with one\n",
+      result.cpu_s_per_million_cells, result.azimuths, result.simd.c_str(), result.threads,
+      result.one_thread_cpu_s_per_million_cells);
   std::printf("cells            %lld, %s\n", static_cast<long long>(result.timed_cells),
               result.is_surroundings_complete ? "surroundings inside the map"
                                               : "some surroundings beyond the map's edge");
@@ -160,6 +165,13 @@ void add_protection_verb(CLI::App& verb, Console& console) {
       ->add_option("--cells", arguments->cells,
                    "Cells to compare with brute force (default: evaluation.yaml)")
       ->check(CLI::Range(1, 1000000));
+  protection
+      ->add_option("--azimuths", arguments->azimuths,
+                   "Directions to look in, a multiple of 4 (default: prepare.yaml)")
+      ->check(CLI::Range(8, 1000))
+      ->check([](const std::string& text) {
+        return std::stoi(text) % 4 == 0 ? "" : text + " is not a multiple of 4";
+      });
   arguments->seed.add_to(*protection, "the drawing");
   protection
       ->add_option("--simd", arguments->simd,

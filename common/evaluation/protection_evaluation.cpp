@@ -130,6 +130,7 @@ class Evaluation {
     result_.seed = seed;
     result_.simd = preparation::name_of_simd(execution_.simd);
     result_.threads = execution_.threads;
+    result_.azimuths = visibility_.azimuths;
     const double bytes_before = meters_->peak_bytes();
     const VisibilityLayers layers = timed(visibility_, execution_, result_.cpu_s_per_million_cells);
     result_.memory_bytes_per_cell =
@@ -341,6 +342,7 @@ std::string protection_result_json(const ProtectionResult& result) {
   json["schema_version"] = 1;
   json["seed"] = result.seed;
   json["is_stopped"] = result.is_stopped;
+  json["azimuths"] = result.azimuths;
   json["simd"] = result.simd;
   json["threads"] = result.threads;
   json["timed_cells"] = result.timed_cells;

@@ -44,6 +44,7 @@ struct ProtectionResult {
   bool is_stopped = false;  // early: the later measurements are missing, or cover fewer cells
   std::string simd;
   int threads = 0;
+  int azimuths = 0;
   std::int64_t timed_cells = 0;
   bool is_surroundings_complete = false;  // of the timed and compared cells
   double cpu_s_per_million_cells = 0.0;

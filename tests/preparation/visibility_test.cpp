@@ -1,6 +1,7 @@
 #include "preparation/visibility.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <gdal_alg.h>
@@ -115,6 +116,32 @@ TEST(Visibility, ALongWallHidesWhatItsShadowCovers) {
   const double hidden = (std::numbers::pi / 3.0 - std::sqrt(3.0) / 4.0) / std::numbers::pi;
   // The wall itself is seen and one cell wide: its row belongs to the seen part.
   EXPECT_NEAR(map::visibility_share(stored), 1.0 - hidden, 0.015);
+}
+
+TEST(Visibility, AHouseTakesTheSameViewFromAPlaceBesideItWhereverBothStand) {
+  // Five houses on a plain, farther from each other than is looked: what stands in the nearest rows
+  // hides by where it is seen from alone, not by where the lines of the map run.
+  constexpr int kBeside = 7;
+  constexpr std::array<raster::CellIndex, 5> kHouses = {
+      {{45, 45}, {136, 47}, {50, 143}, {141, 138}, {93, 94}}};
+  raster::Grid<float> ground({1234.0, 987.0, 10.0, 190, 190}, 100.0F);
+  for (const raster::CellIndex& house : kHouses) {
+    ground.at(house.column, house.row) = 160.0F;
+  }
+  const auto stored = visibility_everywhere(ground, flat_earth(300.0, 15.24, 180));
+  int hidden = 0;
+  for (int row = -kBeside; row <= kBeside; ++row) {
+    for (int column = -kBeside; column <= kBeside; ++column) {
+      const auto beside = [&](const raster::CellIndex& house) {
+        return stored.at(house.column + column, house.row + row);
+      };
+      hidden += beside(kHouses[0]) < 65000 ? 1 : 0;
+      for (const raster::CellIndex& house : kHouses) {
+        EXPECT_EQ(beside(house), beside(kHouses[0])) << column << " columns, " << row << " rows";
+      }
+    }
+  }
+  EXPECT_GT(hidden, 100) << "the house must hide something";
 }
 
 TEST(Visibility, AgreesWithBruteForceLinesOfSight) {
