@@ -393,7 +393,17 @@ std::optional<std::string> config_word(std::string_view text, const std::string&
 std::string without_config_key(std::string_view text, const std::string& name,
                                std::string_view key) {
   YAML::Node root = load(text, name);
-  root.remove(std::string(key));
+  YAML::Node section = root;
+  for (auto dot = key.find('.'); dot != std::string_view::npos; dot = key.find('.')) {
+    const YAML::Node& constant = section;
+    const YAML::Node inner = constant[std::string(key.substr(0, dot))];
+    if (!inner || !inner.IsMap()) {
+      return emitted(root);
+    }
+    section.reset(inner);
+    key.remove_prefix(dot + 1);
+  }
+  section.remove(std::string(key));
   return emitted(root);
 }
 

@@ -76,7 +76,7 @@ std::string set_config_value(std::string_view text, std::string_view assignment)
 std::optional<std::string> config_word(std::string_view text, const std::string& name,
                                        std::string_view key);
 
-/// The document without one top-level key, if it is there.
+/// The document without one key ("a.b" lies in the section a), if it is there.
 std::string without_config_key(std::string_view text, const std::string& name,
                                std::string_view key);
 

@@ -116,7 +116,9 @@ Attempt run_recommended(const risk::CostModel& costs, const GlobalOptions& optio
 GlobalOptions paper_options(GlobalOptions options) {
   options.use_lattice = false;
   options.refine = false;
-  options.heading_labels = false;
+  options.heuristic = global_planning::SearchHeuristic::kLength;
+  options.sampler = global_planning::SamplingRegion::kEllipse;
+  options.turn_rule = global_planning::TurnRule::kInsertion;
   options.turn_radius_m = 0.0;
   return options;
 }
@@ -256,7 +258,7 @@ Attempt run_paper_planner(const risk::CostModel& costs, const GlobalOptions& opt
 }
 
 std::vector<std::string> contestant_names() {
-  std::vector<std::string> names = {"recommended", "bitstar"};
+  std::vector<std::string> names = {"recommended", "bitstar", "bitstar_labels", "bitstar_field"};
   for (const StockMethod method : global_planning::kStockMethods) {
     names.emplace_back(name_of(method));
   }
@@ -282,10 +284,17 @@ std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
           });
       continue;
     }
-    if (name == "bitstar") {
+    if (name == "bitstar" || name == "bitstar_field" || name == "bitstar_labels") {
+      GlobalOptions options = paper_options(config.global);
+      if (name == "bitstar_field") {
+        options.heuristic = global_planning::SearchHeuristic::kCostField;
+        options.sampler = global_planning::SamplingRegion::kLevelSet;
+      }
+      if (name != "bitstar") {
+        options.turn_rule = global_planning::TurnRule::kHeadingLabels;
+      }
       add(name, "angle", false,
-          [&costs, options = paper_options(config.global), clock](const OptimalityTask& task,
-                                                                  const Observer& observer) {
+          [&costs, options, clock](const OptimalityTask& task, const Observer& observer) {
             return run_bit_star(costs, options, task, clock, observer);
           });
       continue;

@@ -18,6 +18,8 @@ std::vector<std::string> contestant_names();
 /// recommended   plan_leg() as the config has it
 /// bitstar       our BIT* as in the paper: straight length as heuristic, ellipse, insertion
 ///               condition on the angle alone, no refinement
+/// bitstar_labels  the same, its first route searched over directed edges
+/// bitstar_field   that, led by the strict bounds of eq. (1), states drawn from their level set
 /// ompl_...      the library's planners; see global_planning::StockPlanner
 /// dubins        the library's BIT* over Dubins curves
 ///

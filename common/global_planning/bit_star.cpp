@@ -1,6 +1,7 @@
 #include "global_planning/bit_star.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <ompl/base/MotionValidator.h>
@@ -102,6 +103,34 @@ class BitStar final : public ob::Planner {
     specs_.optimizingPaths = true;
     specs_.directed = false;
     specs_.canReportIntermediateSolutions = true;
+    const auto declare = [this]<typename Value>(const char* name, Value GlobalOptions::*member,
+                                                std::array<const char*, 3> words) {
+      std::string range;
+      for (const char* word : words) {
+        range += word == nullptr ? "" : (range.empty() ? "" : ",") + std::string(word);
+      }
+      params_.declareParam<std::string>(
+          name,
+          [this, member, words](const std::string& word) {
+            for (std::size_t i = 0; i < words.size(); ++i) {
+              if (words[i] != nullptr && word == words[i]) {
+                options_.*member = static_cast<Value>(i);
+                return;
+              }
+            }
+            throw std::invalid_argument("no such choice: " + word);
+          },
+          [this, member, words] {
+            return std::string(words[static_cast<std::size_t>(options_.*member)]);
+          });
+      params_[name].setRangeSuggestion(range);
+    };
+    declare("heuristic", &GlobalOptions::heuristic, {"length", "cost_field", nullptr});
+    declare("sampler", &GlobalOptions::sampler, {"ellipse", "level_set", nullptr});
+    declare("turn_rule", &GlobalOptions::turn_rule, {"none", "insertion", "heading_labels"});
+    params_.declareParam<std::int64_t>(
+        "batch_size", [this](std::int64_t value) { options_.batch_size = value; },
+        [this] { return options_.batch_size; });
     addPlannerProgressProperty("best cost REAL", [this] {
       return std::to_string(search_ ? search_->best_cost_m()
                                     : std::numeric_limits<double>::infinity());

@@ -36,6 +36,8 @@ struct BitStarHooks {
 /// A planner `BIT*` with the name "hedgehop BIT*". It plans in the envelope, whose start and goal
 /// must be those of the problem definition: solve() returns INVALID_START or INVALID_GOAL
 /// otherwise. solve() may be called again to go on. The envelope must outlive the planner.
+/// Parameters of the library, until the first solve(): heuristic (length, cost_field), sampler
+/// (ellipse, level_set), turn_rule (none, insertion, heading_labels) and batch_size.
 std::shared_ptr<ompl::base::Planner> make_bit_star(
     const std::shared_ptr<ompl::base::SpaceInformation>& space, const FlightEnvelope& envelope,
     const GlobalOptions& options, std::uint64_t seed, BitStarHooks hooks);

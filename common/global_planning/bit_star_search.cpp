@@ -16,6 +16,8 @@ constexpr int kStart = 0;
 constexpr int kGoal = 1;
 constexpr int kStopInterval = 64;
 constexpr int kBatchStepSize = 64;  // draws or refused edges
+constexpr std::size_t kCellStepSize = std::size_t{1} << 16U;
+constexpr double kFloatRounding = 1.0 - 1e-6;  // never upwards
 constexpr std::int64_t kIdleBatchesMax = 20;
 constexpr std::size_t kQueueReserve = std::size_t{1} << 20U;
 
@@ -23,10 +25,15 @@ constexpr std::size_t kQueueReserve = std::size_t{1} << 20U;
 // the straight length; after some batches it covers any map.
 constexpr double kFirstEllipse = 1.25;
 constexpr double kEllipseGrowth = 1.25;
+// The level set of batch n, likewise, all that routes of at most this many times the bound of the
+// cost could pass: first routes seldom cost less.
+constexpr double kFirstLevel = 1.8;
+constexpr std::int64_t kGrowthsMax = 100;
 
 // In the search for a first route the heuristic counts this many times: a metre of path costs
 // several metres, and any route serves to begin with.
 constexpr double kFirstInflation = 30.0;
+constexpr double kFirstFieldInflation = 3.0;  // of bounds that know what a metre costs
 
 // Before a route is known, two states of this many are drawn near start and goal.
 constexpr std::int64_t kEndSampleInterval = 10;
@@ -46,6 +53,8 @@ BitStarSearch::BitStarSearch(const FlightEnvelope& envelope, const GlobalOptions
       options_(options),
       random_(seed),
       climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
+      first_inflation_(options.heuristic == SearchHeuristic::kCostField ? kFirstFieldInflation
+                                                                        : kFirstInflation),
       long_leg_m_(2.0 * options.turn_radius_m * elementary::tan(0.5 * options.turn_angle_max_rad)) {
   queue_.reserve(kQueueReserve);
   append_state(envelope.start());
@@ -53,6 +62,60 @@ BitStarSearch::BitStarSearch(const FlightEnvelope& envelope, const GlobalOptions
   come_m_[kStart] = 0.0;
   // Rounding of long sums must not make the bound exceed the cost of the straight leg.
   lower_bound_m_ = to_goal_m_[kStart] * (1.0 - 1e-9);
+  if (options.heuristic == SearchHeuristic::kCostField ||
+      options.sampler == SamplingRegion::kLevelSet) {
+    const geo::MapPoint start = envelope.start().point();
+    const geo::MapPoint goal = envelope.goal().point();
+    making_[0].emplace(envelope, goal, start);
+    making_[1].emplace(envelope, start, goal);
+  } else {
+    is_bounded_ = true;
+  }
+}
+
+// Some of the bounds that lead the search.
+void BitStarSearch::step_bounds() {
+  const std::array<std::optional<CostBound>*, 2> bounds = {&to_goal_bound_, &from_start_bound_};
+  for (std::size_t i = 0; i < making_.size(); ++i) {
+    if (making_[i]) {
+      if (making_[i]->step()) {
+        *bounds[i] = std::move(*making_[i]).take();
+        making_[i].reset();
+      }
+      return;
+    }
+  }
+  const raster::GridGeometry& geometry = envelope_->geometry();
+  if (options_.sampler == SamplingRegion::kLevelSet && through_m_.size() < geometry.cell_count()) {
+    through_m_.reserve(geometry.cell_count());
+    const int row =
+        static_cast<int>(through_m_.size() / static_cast<std::size_t>(geometry.columns));
+    const auto at = [&](int column, int above) {
+      return to_goal_bound_->corner_cost_m(column, row + above) +
+             from_start_bound_->corner_cost_m(column, row + above);
+    };
+    // Bilinear between the corners, hence least in one of them.
+    for (int column = 0; column < geometry.columns; ++column) {
+      through_m_.push_back(static_cast<float>(
+          std::min({at(column, 0), at(column + 1, 0), at(column, 1), at(column + 1, 1)}) *
+          kFloatRounding));
+    }
+    return;
+  }
+  if (options_.heuristic == SearchHeuristic::kCostField) {
+    for (std::size_t i = 0; i < x_m_.size(); ++i) {
+      bound_state(i);
+    }
+    lower_bound_m_ = to_goal_m_[kStart] * (1.0 - 1e-9);
+  }
+  is_bounded_ = true;
+}
+
+// Bounds of a state by the fields, where they are more than lengths.
+void BitStarSearch::bound_state(std::size_t i) {
+  const geo::MapPoint point{x_m_[i], y_m_[i]};
+  from_start_m_[i] = std::max(from_start_m_[i], from_start_bound_->cost_m(point));
+  to_goal_m_[i] = std::max(to_goal_m_[i], to_goal_bound_->cost_m(point));
 }
 
 int BitStarSearch::append_state(const flight::Waypoint& state) {
@@ -74,6 +137,9 @@ int BitStarSearch::append_state(const flight::Waypoint& state) {
   next_sibling_.push_back(-1);
   expanded_at_m_.push_back(kInfinity);
   is_pruned_.push_back(0);
+  if (is_bounded_ && options_.heuristic == SearchHeuristic::kCostField) {
+    bound_state(x_m_.size() - 1);
+  }
   return static_cast<int>(x_m_.size()) - 1;
 }
 
@@ -134,8 +200,76 @@ bool BitStarSearch::is_inside(const Ellipse& ellipse, const geo::MapPoint& point
   return along * along + across * across <= 1.0;
 }
 
+bool BitStarSearch::draw_from_ellipse(const Ellipse& ellipse, bool is_smaller, double first,
+                                      double second, geo::MapPoint& point) const {
+  if (is_smaller) {
+    const double radius = std::sqrt(first);
+    const double angle_rad = 2.0 * std::numbers::pi * second;
+    const double along_m = ellipse.half_major_m * radius * elementary::cos(angle_rad);
+    const double across_m = ellipse.half_minor_m * radius * elementary::sin(angle_rad);
+    point = {ellipse.centre_x_m + along_m * ellipse.axis_x - across_m * ellipse.axis_y,
+             ellipse.centre_y_m + along_m * ellipse.axis_y + across_m * ellipse.axis_x};
+    return true;
+  }
+  const raster::GridGeometry& geometry = envelope_->geometry();
+  point = {geometry.west_m + first * (geometry.east_m() - geometry.west_m),
+           geometry.south_m + second * (geometry.north_m() - geometry.south_m)};
+  return is_inside(ellipse, point);
+}
+
+// Cells that a route of less than the best cost could pass; before there is one, of a cost that
+// grows from batch to batch. A part of them at a time.
+void BitStarSearch::step_region() {
+  if (region_next_ == 0) {
+    level_m_ = best_cost_m_;
+    if (!has_route()) {
+      level_m_ = std::max(to_goal_bound_->cost_m(envelope_->start().point()),
+                          2.0 * options_.check_step_m) *
+                 kFirstLevel;
+      const std::int64_t growths = std::min(counts_.batches, kGrowthsMax);
+      for (std::int64_t batch = 0; batch < growths; ++batch) {
+        level_m_ *= kEllipseGrowth;
+      }
+    }
+    level_cells_.clear();
+  }
+  const std::size_t end = std::min(region_next_ + kCellStepSize, through_m_.size());
+  for (; region_next_ < end; ++region_next_) {
+    if (static_cast<double>(through_m_[region_next_]) <= level_m_) {
+      level_cells_.push_back(static_cast<std::uint32_t>(region_next_));
+    }
+  }
+  if (region_next_ == through_m_.size()) {
+    region_next_ = 0;
+    batch_step_ = BatchStep::kDraw;
+  }
+}
+
+bool BitStarSearch::draw_from_level_set(double first, double second, geo::MapPoint& point) const {
+  if (level_cells_.empty()) {
+    return false;
+  }
+  const double chosen = first * static_cast<double>(level_cells_.size());
+  const auto k = std::min(static_cast<std::size_t>(chosen), level_cells_.size() - 1);
+  const raster::GridGeometry& geometry = envelope_->geometry();
+  const auto columns = static_cast<std::uint32_t>(geometry.columns);
+  const std::uint32_t cell = level_cells_[k];
+  point = {geometry.west_m + geometry.cell_m * (cell % columns + (chosen - static_cast<double>(k))),
+           geometry.south_m + geometry.cell_m * (cell / columns + second)};
+  // A metre costs at least 1, so no cheaper route leaves the ellipse either.
+  const auto least_m = [&](const CostBound& bound, const flight::Waypoint& end) {
+    const double dx_m = point.x_m - end.x_m;
+    const double dy_m = point.y_m - end.y_m;
+    return std::max(bound.cost_m(point), std::sqrt(dx_m * dx_m + dy_m * dy_m));
+  };
+  return least_m(*to_goal_bound_, envelope_->goal()) +
+             least_m(*from_start_bound_, envelope_->start()) <=
+         level_m_;
+}
+
 // A part of the batch; true once it is complete.
 bool BitStarSearch::draw_samples() {
+  const bool has_level_set = options_.sampler == SamplingRegion::kLevelSet;
   const Ellipse ellipse = sampling_ellipse();
   const std::int64_t attempts_max = 50 * options_.batch_size;
   const raster::GridGeometry& geometry = envelope_->geometry();
@@ -159,18 +293,10 @@ bool BitStarSearch::draw_samples() {
       const double angle_rad = 2.0 * std::numbers::pi * second;
       point = {end.x_m + radius_m * elementary::cos(angle_rad),
                end.y_m + radius_m * elementary::sin(angle_rad)};
-    } else if (is_ellipse_smaller) {
-      const double radius = std::sqrt(first);
-      const double angle_rad = 2.0 * std::numbers::pi * second;
-      const double along_m = ellipse.half_major_m * radius * elementary::cos(angle_rad);
-      const double across_m = ellipse.half_minor_m * radius * elementary::sin(angle_rad);
-      point = {ellipse.centre_x_m + along_m * ellipse.axis_x - across_m * ellipse.axis_y,
-               ellipse.centre_y_m + along_m * ellipse.axis_y + across_m * ellipse.axis_x};
-    } else {
-      point = {geometry.west_m + first * width_m, geometry.south_m + second * depth_m};
-      if (!is_inside(ellipse, point)) {
-        continue;
-      }
+    } else if (has_level_set
+                   ? !draw_from_level_set(first, second, point)
+                   : !draw_from_ellipse(ellipse, is_ellipse_smaller, first, second, point)) {
+      continue;
     }
     const AltitudeBand band = envelope_->band_at(point);
     if (!band.is_flyable()) {
@@ -186,7 +312,10 @@ bool BitStarSearch::draw_samples() {
   if (drawn_ < options_.batch_size && attempts_ < attempts_max) {
     return false;
   }
-  const double region_m2 = is_ellipse_smaller ? ellipse_m2 : width_m * depth_m;
+  const double region_m2 =
+      has_level_set ? static_cast<double>(level_cells_.size()) * geometry.cell_m * geometry.cell_m
+      : is_ellipse_smaller ? ellipse_m2
+                           : width_m * depth_m;
   sampled_area_m2_ = region_m2 * static_cast<double>(drawn_) /
                      static_cast<double>(std::max<std::int64_t>(attempts_, 1));
   drawn_ = 0;
@@ -274,6 +403,9 @@ void BitStarSearch::step_batch() {
   switch (batch_step_) {
     case BatchStep::kNone:
       return;
+    case BatchStep::kRegion:
+      step_region();
+      return;
     case BatchStep::kDraw:
       if (draw_samples()) {
         begin_graph();
@@ -317,7 +449,7 @@ void BitStarSearch::begin_graph() {
   ++counts_.batches;
   connect_next_ = first_new_state_;
   connect_end_ = x_m_.size();
-  if (options_.heading_labels && !has_route()) {
+  if (options_.turn_rule == TurnRule::kHeadingLabels && !has_route()) {
     first_new_state_ = connect_end_;
     begin_labels();
     batch_step_ = BatchStep::kNone;
@@ -430,17 +562,19 @@ double BitStarSearch::evaluate(int a, int b) {
   return cost_m;
 }
 
+// Between the edges from a to b and from b to c.
+bool BitStarSearch::is_turn_allowed(int a, int b, int c) const {
+  return options_.turn_rule == TurnRule::kNone ||
+         envelope_->is_turn_allowed(x_m_[b] - x_m_[a], y_m_[b] - y_m_[a], x_m_[c] - x_m_[b],
+                                    y_m_[c] - y_m_[b]);
+}
+
 bool BitStarSearch::is_turn_kept(int from, int to) const {
-  const double edge_x_m = x_m_[to] - x_m_[from];
-  const double edge_y_m = y_m_[to] - y_m_[from];
-  if (const int before = parent_[from];
-      before >= 0 && !envelope_->is_turn_allowed(x_m_[from] - x_m_[before],
-                                                 y_m_[from] - y_m_[before], edge_x_m, edge_y_m)) {
+  if (const int before = parent_[from]; before >= 0 && !is_turn_allowed(before, from, to)) {
     return false;
   }
   for (int child = first_child_[to]; child >= 0; child = next_sibling_[child]) {
-    if (!envelope_->is_turn_allowed(edge_x_m, edge_y_m, x_m_[child] - x_m_[to],
-                                    y_m_[child] - y_m_[to])) {
+    if (!is_turn_allowed(from, to, child)) {
       return false;
     }
   }
@@ -614,16 +748,13 @@ void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
       here.before < 0 ? -1 : search.labels[static_cast<std::size_t>(here.before)].state;
   const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
   for_each_neighbour(here.state, [&](int to, double length_m) {
-    if (to == before ||
-        (before >= 0 && !envelope_->is_turn_allowed(
-                            x_m_[here.state] - x_m_[before], y_m_[here.state] - y_m_[before],
-                            x_m_[to] - x_m_[here.state], y_m_[to] - y_m_[here.state]))) {
+    if (to == before || (before >= 0 && !is_turn_allowed(before, here.state, to))) {
       return;
     }
     const Evaluated* evaluated = table_.find(edge_id(here.state, to));
     const double cost_m = evaluated != nullptr ? evaluated->cost_m : length_m;
     if (cost_m < kInfinity) {
-      search.queue.push_back({here.come_m + cost_m + kFirstInflation * ahead_m[to], label, to});
+      search.queue.push_back({here.come_m + cost_m + first_inflation_ * ahead_m[to], label, to});
       std::push_heap(search.queue.begin(), search.queue.end(), kIsLaterLabel);
     }
   });
@@ -650,7 +781,7 @@ void BitStarSearch::step_labels() {
   const auto queue_again = [&](double cost_m) {
     const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
     search.queue.push_back(
-        {from.come_m + cost_m + kFirstInflation * ahead_m[entry.to], entry.label, entry.to});
+        {from.come_m + cost_m + first_inflation_ * ahead_m[entry.to], entry.label, entry.to});
     std::push_heap(search.queue.begin(), search.queue.end(), kIsLaterLabel);
   };
   if (evaluated == nullptr) {
@@ -725,6 +856,12 @@ void BitStarSearch::run(std::int64_t work_budget, const ShouldStop& should_stop,
   if (come_m_[kGoal] < best_cost_m_) {
     accept_goal();  // the budget of the run before ended in the middle of the fine check
   }
+  while (!is_bounded_) {
+    if (should_stop()) {
+      return;
+    }
+    step_bounds();
+  }
   while (counts_.work_units < budget_ && !is_optimal()) {
     if (--until_asked < 0) {
       until_asked = kStopInterval;
@@ -750,7 +887,8 @@ void BitStarSearch::run(std::int64_t work_budget, const ShouldStop& should_stop,
       if (idle_batches_ > kIdleBatchesMax) {
         return;
       }
-      batch_step_ = BatchStep::kDraw;
+      batch_step_ =
+          options_.sampler == SamplingRegion::kLevelSet ? BatchStep::kRegion : BatchStep::kDraw;
       work_before_batch_ = counts_.work_units;
       until_asked = 0;
       continue;

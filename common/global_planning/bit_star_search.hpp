@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <unordered_set>
 #include <vector>
 
 #include "flight/route.hpp"
+#include "global_planning/cost_bound.hpp"
 #include "global_planning/edge_table.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/global_planner.hpp"
@@ -40,6 +42,12 @@ struct SearchCounts {
 ///    the graph, and the search goes on;
 ///  - until a first route is known, states are drawn from an ellipse that grows from batch to
 ///  batch.
+///
+/// GlobalOptions chooses the bounds that lead it (straight lengths, or those of two CostBounds, to
+/// the goal and to the start), the region that states are drawn from (the ellipse of those that a
+/// route of the best length could pass, or the level set of the two bounds: no cheaper route leaves
+/// it), and whether turns count. Both bounds are made at the beginning of run(), which takes about
+/// half a second for a million cells and can be stopped and resumed like the rest.
 ///
 /// Source: J. D. Gammell, S. S. Srinivasa and T. D. Barfoot, "Batch Informed Trees (BIT*)", ICRA
 /// 2015, doi:10.1109/ICRA.2015.7139620. Deterministic: a function of its arguments and of the work
@@ -117,6 +125,13 @@ class BitStarSearch {
   bool draw_samples();
   void build_bins();
   [[nodiscard]] Ellipse sampling_ellipse() const;
+  [[nodiscard]] bool draw_from_ellipse(const Ellipse& ellipse, bool is_smaller, double first,
+                                       double second, geo::MapPoint& point) const;
+  void step_bounds();
+  void bound_state(std::size_t i);
+  void step_region();
+  [[nodiscard]] bool draw_from_level_set(double first, double second, geo::MapPoint& point) const;
+  [[nodiscard]] bool is_turn_allowed(int a, int b, int c) const;
   void push(double key_m, int from, int to);
   void expand(int from);
   void consider(int from, int to);
@@ -140,11 +155,21 @@ class BitStarSearch {
   GlobalOptions options_;
   RandomSource random_;
   double climb_tangent_max_;
+  double first_inflation_;  // of the bound ahead, in the search for a first route
   double long_leg_m_;
+
+  // Bounds by eq. (1), to the goal and from the start, and their least sum over each cell.
+  std::array<std::optional<CostBoundMaking>, 2> making_;
+  std::optional<CostBound> to_goal_bound_, from_start_bound_;
+  std::vector<float> through_m_;
+  bool is_bounded_ = false;  // what there is to be made is complete
+  double level_m_ = 0.0;     // of the level set of this batch
+  std::size_t region_next_ = 0;
+  std::vector<std::uint32_t> level_cells_;
 
   // States, structure of arrays. 0 is the start, 1 the goal.
   std::vector<double> x_m_, y_m_, z_m_;
-  std::vector<double> from_start_m_, to_goal_m_;  // straight lengths
+  std::vector<double> from_start_m_, to_goal_m_;  // bounds of the cost: lengths or more
   std::vector<double> come_m_;                    // g: cost along the tree, infinity outside
   std::vector<double> edge_cost_m_;               // of the edge from the parent
   std::vector<std::int32_t> parent_, first_child_, next_sibling_;
@@ -165,7 +190,7 @@ class BitStarSearch {
   std::size_t label_turn_ = 0;
 
   /// What is left to do before a batch can be searched; in small steps, so that run() may stop.
-  enum class BatchStep : std::uint8_t { kNone, kDraw, kConnect, kRetry };
+  enum class BatchStep : std::uint8_t { kNone, kRegion, kDraw, kConnect, kRetry };
   BatchStep batch_step_ = BatchStep::kNone;
   std::size_t connect_next_ = 0, connect_end_ = 0;  // new states
   // Edges refused before, to be tried again: where they lead, by the state that they leave.

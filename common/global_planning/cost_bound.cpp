@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
+#include <utility>
 
 namespace hedgehop::global_planning {
 namespace {
@@ -53,28 +55,73 @@ float marched(float a, float b, float w) {
   return std::fabs(difference) >= w ? std::min(a, b) + w : 0.5F * (a + b + std::sqrt(square));
 }
 
+constexpr std::size_t kChunk = std::size_t{1} << 16U;  // numbers that one step writes
+constexpr int kStepNodes = 2048;
+constexpr int kStepRows = 8;
+
+}  // namespace
+
 // Corners of cells, with a frame of cells that cannot be flown, so that each corner has four. A
 // cell, a side along x and a side along y have the index of their south-western corner.
-class Corners {
+struct CostBoundMaking::Corners {
  public:
-  explicit Corners(const FlightEnvelope& envelope)
-      : cells_(envelope.geometry()),
+  Corners(const FlightEnvelope& envelope, raster::CellIndex target, raster::CellIndex from)
+      : envelope_(&envelope),
+        cells_(envelope.geometry()),
         wide_(static_cast<std::uint32_t>(cells_.columns) + 3),
         count_(std::size_t{wide_} * (static_cast<std::size_t>(cells_.rows) + 3)),
-        slope_(count_, kInfinity),
-        along_x_(count_, kInfinity),
-        along_y_(count_, kInfinity),
-        steepest_x_(count_),
-        steepest_y_(count_) {
-    for (int row = 0; row < cells_.rows; ++row) {
-      for (int column = 0; column < cells_.columns; ++column) {
-        const float w = static_cast<float>(envelope.least_density({column, row}) * cells_.cell_m);
-        slope_[index(column, row)] = w;
-        slope_max_ = w < kInfinity ? std::max(slope_max_, w) : slope_max_;
-      }
+        target_(of_cell(target)),
+        from_(of_cell(from)) {
+    for (std::vector<float>* each : floats()) {
+      each->reserve(count_);
     }
+    is_final_.reserve(count_);
   }
 
+  bool step() {
+    switch (phase_) {
+      case Phase::kRoom:
+        return advance(make_room(), Phase::kSlopes);
+      case Phase::kSlopes:
+        return advance(take_slopes(), Phase::kMarch);
+      case Phase::kMarch:
+        return advance(spread([this](std::uint32_t node) { march(node); }), Phase::kCap);
+      case Phase::kCap:
+        return advance(cap_values(), pass_ < kPasses ? Phase::kLimits : Phase::kDone);
+      case Phase::kLimits:
+        return advance(take_steepness(), Phase::kSides);
+      case Phase::kSides:
+        return advance(limit_sides(), Phase::kFollow);
+      case Phase::kFollow:
+        if (spread([this](std::uint32_t node) { follow_sides(node); })) {
+          ++pass_;
+          advance(true, Phase::kCap);
+        }
+        return false;
+      case Phase::kDone:
+        return true;
+    }
+    return true;
+  }
+
+  /// As bilinear() wants them; in pieces, true once all are there.
+  bool copy_to(std::vector<float>& to) {
+    const std::size_t columns = static_cast<std::size_t>(cells_.columns) + 1;
+    const std::size_t rows = static_cast<std::size_t>(cells_.rows) + 1;
+    to.reserve(columns * rows);
+    for (std::size_t n = 0; n < kChunk && next_ < rows; n += columns, ++next_) {
+      const auto begin = value_.begin() + index(0, static_cast<int>(next_));
+      to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(columns));
+    }
+    return next_ == rows;
+  }
+
+ private:
+  enum class Phase : std::uint8_t { kRoom, kSlopes, kMarch, kCap, kLimits, kSides, kFollow, kDone };
+
+  [[nodiscard]] std::array<std::vector<float>*, 7> floats() {
+    return {&slope_, &along_x_, &along_y_, &value_, &taken_, &steepest_x_, &steepest_y_};
+  }
   [[nodiscard]] std::uint32_t index(int column, int row) const {
     return static_cast<std::uint32_t>(row + 1) * wide_ + static_cast<std::uint32_t>(column + 1);
   }
@@ -82,42 +129,85 @@ class Corners {
     const std::uint32_t first = index(cell.column, cell.row);
     return {first, first + 1, first + wide_, first + wide_ + 1};
   }
-
-  /// Fast marching from the corners of `target` until those of `from` are reached. Nodes of one
-  /// bucket may come out of order, which makes the solution a little worse and nothing else.
-  std::vector<float> march(raster::CellIndex target, raster::CellIndex from) const {
-    std::vector<std::uint8_t> is_final(count_);
-    return spread(
-        target, from, [&](const std::vector<float>& value, std::uint32_t node, const auto& offer) {
-          is_final[node] = 1;
-          const auto towards = [&](std::uint32_t to, std::uint32_t cell_a, std::uint32_t side_a,
-                                   std::uint32_t cell_b, std::uint32_t side_b) {
-            if (is_final[to] != 0) {
-              return;
-            }
-            float best = value[node] + std::min(slope_[cell_a], slope_[cell_b]);
-            if (is_final[side_a] != 0 && slope_[cell_a] < kInfinity) {
-              best = std::min(best, marched(value[node], value[side_a], slope_[cell_a]));
-            }
-            if (is_final[side_b] != 0 && slope_[cell_b] < kInfinity) {
-              best = std::min(best, marched(value[node], value[side_b], slope_[cell_b]));
-            }
-            offer(to, best);
-          };
-          const std::uint32_t south = node - wide_;
-          const std::uint32_t north = node + wide_;
-          towards(node + 1, node, north + 1, south, south + 1);
-          towards(node - 1, node - 1, north - 1, south - 1, south - 1);
-          towards(north, node, north + 1, node - 1, north - 1);
-          towards(south, south, south + 1, south - 1, south - 1);
-        });
+  // From one phase to the next; never the end of all.
+  bool advance(bool is_complete, Phase next) {
+    if (is_complete) {
+      phase_ = next;
+      next_ = 0;
+      is_begun_ = false;
+    }
+    return phase_ == Phase::kDone;
   }
 
-  /// Limits of the sides by the steepness that `value` has in the corners.
-  void limit_sides(const std::vector<float>& value) {
-    std::fill(steepest_x_.begin(), steepest_x_.end(), 0.0F);
-    std::fill(steepest_y_.begin(), steepest_y_.end(), 0.0F);
-    for (int row = 0; row < cells_.rows; ++row) {
+  bool make_room() {
+    const std::size_t size = std::min(next_ + kChunk / 4, count_);
+    for (std::vector<float>* each : floats()) {
+      each->resize(size, kInfinity);
+    }
+    is_final_.resize(size);
+    next_ = size;
+    return size == count_;
+  }
+
+  bool take_slopes() {
+    for (int n = 0; n < kStepRows && next_ < static_cast<std::size_t>(cells_.rows); ++n, ++next_) {
+      const int row = static_cast<int>(next_);
+      for (int column = 0; column < cells_.columns; ++column) {
+        const float w = static_cast<float>(envelope_->least_density({column, row}) * cells_.cell_m);
+        slope_[index(column, row)] = w;
+        slope_max_ = w < kInfinity ? std::max(slope_max_, w) : slope_max_;
+      }
+    }
+    return next_ == static_cast<std::size_t>(cells_.rows);
+  }
+
+  // Nodes of one bucket may come out of order, which makes the solution a little worse and nothing
+  // else.
+  void march(std::uint32_t node) {
+    is_final_[node] = 1;
+    const auto towards = [&](std::uint32_t to, std::uint32_t cell_a, std::uint32_t side_a,
+                             std::uint32_t cell_b, std::uint32_t side_b) {
+      if (is_final_[to] != 0) {
+        return;
+      }
+      float best = value_[node] + std::min(slope_[cell_a], slope_[cell_b]);
+      if (is_final_[side_a] != 0 && slope_[cell_a] < kInfinity) {
+        best = std::min(best, marched(value_[node], value_[side_a], slope_[cell_a]));
+      }
+      if (is_final_[side_b] != 0 && slope_[cell_b] < kInfinity) {
+        best = std::min(best, marched(value_[node], value_[side_b], slope_[cell_b]));
+      }
+      offer(to, best);
+    };
+    const std::uint32_t south = node - wide_;
+    const std::uint32_t north = node + wide_;
+    towards(node + 1, node, north + 1, south, south + 1);
+    towards(node - 1, node - 1, north - 1, south - 1, south - 1);
+    towards(north, node, north + 1, node - 1, north - 1);
+    towards(south, south, south + 1, south - 1, south - 1);
+  }
+
+  // Shortest ways along the sides.
+  void follow_sides(std::uint32_t node) {
+    const float here = value_[node];
+    offer(node + 1, here + along_x_[node]);
+    offer(node - 1, here + along_x_[node - 1]);
+    offer(node + wide_, here + along_y_[node]);
+    offer(node - wide_, here + along_y_[node - wide_]);
+  }
+
+  // The steepness that the values have in the corners.
+  bool take_steepness() {
+    if (!is_begun_) {
+      // Rows are cleared before a cell of theirs, or of the one below, is looked at.
+      std::fill_n(steepest_x_.begin(), 2 * wide_, 0.0F);
+      std::fill_n(steepest_y_.begin(), 2 * wide_, 0.0F);
+      is_begun_ = true;
+    }
+    for (int n = 0; n < kStepRows && next_ < static_cast<std::size_t>(cells_.rows); ++n, ++next_) {
+      const int row = static_cast<int>(next_);
+      std::fill_n(steepest_x_.begin() + index(-1, row + 1), wide_, 0.0F);
+      std::fill_n(steepest_y_.begin() + index(-1, row + 1), wide_, 0.0F);
       for (int column = 0; column < cells_.columns; ++column) {
         const std::uint32_t at = index(column, row);
         const std::uint32_t above = at + wide_;
@@ -125,8 +215,8 @@ class Corners {
           continue;
         }
         const auto corner = [&](std::uint32_t x, std::uint32_t y) {
-          const float dx = value[x + 1] - value[x];
-          const float dy = value[y + wide_] - value[y];
+          const float dx = value_[x + 1] - value_[x];
+          const float dy = value_[y + wide_] - value_[y];
           const float steepness = std::sqrt(dx * dx + dy * dy) / slope_[at];
           steepest_x_[x] = std::max(steepest_x_[x], steepness);
           steepest_y_[y] = std::max(steepest_y_[y], steepness);
@@ -137,27 +227,28 @@ class Corners {
         corner(above, at + 1);
       }
     }
-    for (std::size_t at = wide_; at + wide_ < count_; ++at) {
-      along_x_[at] = limit(value[at + 1] - value[at], steepest_x_[at],
+    if (next_ < static_cast<std::size_t>(cells_.rows)) {
+      return false;
+    }
+    const std::uint32_t last = index(-1, cells_.rows + 1);
+    std::fill(steepest_x_.begin() + last, steepest_x_.end(), 0.0F);
+    std::fill(steepest_y_.begin() + last, steepest_y_.end(), 0.0F);
+    return true;
+  }
+
+  bool limit_sides() {
+    next_ = std::max<std::size_t>(next_, wide_);
+    const std::size_t end = std::min(next_ + kChunk, count_ - wide_);
+    for (; next_ < end; ++next_) {
+      const std::size_t at = next_;
+      along_x_[at] = limit(value_[at + 1] - value_[at], steepest_x_[at],
                            std::min(slope_[at], slope_[at - wide_]));
-      along_y_[at] = limit(value[at + wide_] - value[at], steepest_y_[at],
+      along_y_[at] = limit(value_[at + wide_] - value_[at], steepest_y_[at],
                            std::min(slope_[at], slope_[at - 1]));
     }
+    return next_ == count_ - wide_;
   }
 
-  /// Shortest ways along the sides.
-  std::vector<float> follow_sides(raster::CellIndex target, raster::CellIndex from) const {
-    return spread(target, from,
-                  [&](const std::vector<float>& value, std::uint32_t node, const auto& offer) {
-                    const float here = value[node];
-                    offer(node + 1, here + along_x_[node]);
-                    offer(node - 1, here + along_x_[node - 1]);
-                    offer(node + wide_, here + along_y_[node]);
-                    offer(node - wide_, here + along_y_[node - wide_]);
-                  });
-  }
-
- private:
   // NaN, between nodes that were never reached, has no limit: only what cannot be flown is there,
   // or what lies beyond the value that ends the search.
   static float limit(float rise, float steepest, float slope) {
@@ -167,83 +258,131 @@ class Corners {
     return kUnknownShare * slope;
   }
 
-  // Values from the corners of `target` outwards, capped at the greatest of the corners of `from`.
-  template <typename Relax>
-  std::vector<float> spread(raster::CellIndex target, raster::CellIndex from,
-                            const Relax& relax) const {
-    std::vector<float> value(count_, kInfinity);
-    std::vector<float> taken(count_, kInfinity);  // with which a node was last passed on
-    Buckets open(0.5F * static_cast<float>(cells_.cell_m), 1.5F * slope_max_);
-    for (const std::uint32_t node : of_cell(target)) {
-      value[node] = 0.0F;
-      open.push(0.0F, node);
+  void offer(std::uint32_t to, float offered) {
+    if (offered < value_[to]) {
+      value_[to] = offered;
+      open_->push(offered, to);
     }
-    const std::array<std::uint32_t, 4> last = of_cell(from);
-    // A node that comes later has at most one bucket less.
-    const float slack = static_cast<float>(cells_.cell_m);
-    float cap = kInfinity;
-    while (!open.is_empty()) {
-      const std::uint32_t node = open.pop();
-      if (value[node] >= taken[node]) {
-        continue;
-      }
-      if (value[node] > cap + slack) {
-        break;
-      }
-      taken[node] = value[node];
-      if (std::find(last.begin(), last.end(), node) != last.end()) {
-        cap = 0.0F;
-        for (const std::uint32_t corner : last) {
-          cap = std::max(cap, value[corner]);
-        }
-      }
-      relax(value, node, [&](std::uint32_t to, float offered) {
-        if (offered < value[to]) {
-          value[to] = offered;
-          open.push(offered, to);
-        }
-      });
-    }
-    for (float& each : value) {
-      each = std::min(each, cap);
-    }
-    return value;
   }
 
+  // Values from the corners of the target outwards.
+  template <typename Relax>
+  bool spread(const Relax& relax) {
+    if (!is_begun_) {
+      const std::size_t end = std::min(next_ + kChunk, count_);
+      std::fill(value_.begin() + static_cast<std::ptrdiff_t>(next_),
+                value_.begin() + static_cast<std::ptrdiff_t>(end), kInfinity);
+      std::fill(taken_.begin() + static_cast<std::ptrdiff_t>(next_),
+                taken_.begin() + static_cast<std::ptrdiff_t>(end), kInfinity);
+      next_ = end;
+      if (next_ < count_) {
+        return false;
+      }
+      open_.emplace(0.5F * static_cast<float>(cells_.cell_m), 1.5F * slope_max_);
+      for (const std::uint32_t node : target_) {
+        value_[node] = 0.0F;
+        open_->push(0.0F, node);
+      }
+      cap_ = kInfinity;
+      is_begun_ = true;
+    }
+    // A node that comes later has at most one bucket less.
+    const float slack = static_cast<float>(cells_.cell_m);
+    for (int n = 0; n < kStepNodes && !open_->is_empty(); ++n) {
+      const std::uint32_t node = open_->pop();
+      if (value_[node] >= taken_[node]) {
+        continue;
+      }
+      if (value_[node] > cap_ + slack) {
+        return true;
+      }
+      taken_[node] = value_[node];
+      if (std::find(from_.begin(), from_.end(), node) != from_.end()) {
+        cap_ = 0.0F;
+        for (const std::uint32_t corner : from_) {
+          cap_ = std::max(cap_, value_[corner]);
+        }
+      }
+      relax(node);
+    }
+    return open_->is_empty();
+  }
+
+  // At the greatest of the corners of `from`.
+  bool cap_values() {
+    const std::size_t end = std::min(next_ + kChunk, count_);
+    for (; next_ < end; ++next_) {
+      value_[next_] = std::min(value_[next_], cap_);
+    }
+    return next_ == count_;
+  }
+
+  const FlightEnvelope* envelope_;
   raster::GridGeometry cells_;
   std::uint32_t wide_;
   std::size_t count_;
+  std::array<std::uint32_t, 4> target_, from_;
   std::vector<float> slope_;  // w of a cell times its side
   std::vector<float> along_x_, along_y_;
   std::vector<float> steepest_x_, steepest_y_;
+  std::vector<float> value_;
+  std::vector<float> taken_;  // with which a node was last passed on
+  std::vector<std::uint8_t> is_final_;
+  std::optional<Buckets> open_;
   float slope_max_ = 1.0F;
+  float cap_ = kInfinity;
+  // Where the making stands.
+  Phase phase_ = Phase::kRoom;
+  int pass_ = 0;
+  std::size_t next_ = 0;
+  bool is_begun_ = false;
 };
 
-}  // namespace
+CostBoundMaking::CostBoundMaking(const FlightEnvelope& envelope, const geo::MapPoint& target,
+                                 const geo::MapPoint& from)
+    : bound_(envelope.geometry()) {
+  const raster::GridGeometry& cells = bound_.cells_;
+  if (!cells.contains(target) || !cells.contains(from)) {
+    bound_.cost_m_.assign(
+        (static_cast<std::size_t>(cells.columns) + 1) * (static_cast<std::size_t>(cells.rows) + 1),
+        0.0F);
+    return;
+  }
+  corners_ = std::make_unique<Corners>(envelope, cells.cell_at(target), cells.cell_at(from));
+}
+
+CostBoundMaking::~CostBoundMaking() = default;
+CostBoundMaking::CostBoundMaking(CostBoundMaking&&) noexcept = default;
+CostBoundMaking& CostBoundMaking::operator=(CostBoundMaking&&) noexcept = default;
+
+bool CostBoundMaking::step() {
+  if (corners_ && corners_->step() && corners_->copy_to(bound_.cost_m_)) {
+    corners_.reset();
+  }
+  return !corners_;
+}
+
+CostBound CostBoundMaking::take() && { return std::move(bound_); }
 
 CostBound::CostBound(const FlightEnvelope& envelope, const geo::MapPoint& target,
                      const geo::MapPoint& from)
-    : cells_(envelope.geometry()) {
-  const auto columns = static_cast<std::size_t>(cells_.columns) + 1;
-  const auto rows = static_cast<std::size_t>(cells_.rows) + 1;
-  cost_m_.assign(columns * rows, 0.0F);
-  if (!cells_.contains(target) || !cells_.contains(from)) {
-    return;
+    : CostBound(envelope.geometry()) {
+  CostBoundMaking making(envelope, target, from);
+  while (!making.step()) {
   }
-  Corners corners(envelope);
-  const raster::CellIndex target_cell = cells_.cell_at(target);
-  const raster::CellIndex from_cell = cells_.cell_at(from);
-  std::vector<float> value = corners.march(target_cell, from_cell);
-  for (int pass = 0; pass < kPasses; ++pass) {
-    corners.limit_sides(value);
-    value = corners.follow_sides(target_cell, from_cell);
-  }
-  for (std::size_t row = 0; row < rows; ++row) {
-    for (std::size_t column = 0; column < columns; ++column) {
-      cost_m_[row * columns + column] =
-          value[corners.index(static_cast<int>(column), static_cast<int>(row))];
-    }
-  }
+  *this = std::move(making).take();
+}
+
+CostBound::CostBound(const raster::GridGeometry& cells) : cells_(cells) {}
+
+double CostBound::corner_value_m(int column, int row) const {
+  return static_cast<double>(
+      cost_m_[static_cast<std::size_t>(row) * static_cast<std::size_t>(cells_.columns + 1) +
+              static_cast<std::size_t>(column)]);
+}
+
+double CostBound::corner_cost_m(int column, int row) const {
+  return corner_value_m(column, row) * kRounding;
 }
 
 double CostBound::cost_m(const geo::MapPoint& from) const {
@@ -253,11 +392,7 @@ double CostBound::cost_m(const geo::MapPoint& from) const {
   const raster::CellIndex cell = cells_.cell_at(from);
   const double u = (from.x_m - cells_.west_m) / cells_.cell_m - cell.column;
   const double v = (from.y_m - cells_.south_m) / cells_.cell_m - cell.row;
-  const auto at = [&](int column, int row) {
-    return static_cast<double>(
-        cost_m_[static_cast<std::size_t>(row) * static_cast<std::size_t>(cells_.columns + 1) +
-                static_cast<std::size_t>(column)]);
-  };
+  const auto at = [&](int column, int row) { return corner_value_m(column, row); };
   const double south_m = (1.0 - u) * at(cell.column, cell.row) + u * at(cell.column + 1, cell.row);
   const double north_m =
       (1.0 - u) * at(cell.column, cell.row + 1) + u * at(cell.column + 1, cell.row + 1);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "geo/map_projection.hpp"
@@ -32,9 +33,38 @@ class CostBound {
   /// exist.
   [[nodiscard]] double cost_m(const geo::MapPoint& from) const;
 
+  /// The same at the south-western corner of a cell, or, one column or row beyond the last, at its
+  /// other corners. Between the corners of a cell it is bilinear.
+  [[nodiscard]] double corner_cost_m(int column, int row) const;
+
  private:
+  friend class CostBoundMaking;
+  explicit CostBound(const raster::GridGeometry& cells);
+  [[nodiscard]] double corner_value_m(int column, int row) const;
+
   raster::GridGeometry cells_;
   std::vector<float> cost_m_;  // at the corners of cells, rows of columns + 1
+};
+
+/// The making of a CostBound in steps of about a tenth of a millisecond, for searches that may be
+/// asked to end at any time. The envelope must outlive it.
+class CostBoundMaking {
+ public:
+  CostBoundMaking(const FlightEnvelope& envelope, const geo::MapPoint& target,
+                  const geo::MapPoint& from);
+  ~CostBoundMaking();
+  CostBoundMaking(CostBoundMaking&&) noexcept;
+  CostBoundMaking& operator=(CostBoundMaking&&) noexcept;
+
+  /// Does a little; true once the bound is complete.
+  bool step();
+  /// The complete bound, once.
+  [[nodiscard]] CostBound take() &&;
+
+ private:
+  struct Corners;
+  CostBound bound_;
+  std::unique_ptr<Corners> corners_;  // null: complete
 };
 
 }  // namespace hedgehop::global_planning

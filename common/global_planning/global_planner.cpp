@@ -189,7 +189,20 @@ GlobalOptions read_global_options(ConfigReader& reader) {
   positive("radius_max_m", options.radius_max_m);
   reader.require(options.radius_max_m >= options.check_step_m, "radius_max_m",
                  "must not be below check_step_m");
-  options.heading_labels = reader.required_bool("heading_labels");
+  const auto word = [&](const char* key, std::initializer_list<const char*> words) {
+    const std::string value = reader.required_string(key);
+    const auto found = std::find(words.begin(), words.end(), value);
+    std::string all;
+    for (const char* each : words) {
+      all += (all.empty() ? "" : ", ") + std::string(each);
+    }
+    reader.require(found != words.end(), key, "must be one of " + all);
+    return found - words.begin();
+  };
+  options.heuristic = static_cast<SearchHeuristic>(word("heuristic", {"length", "cost_field"}));
+  options.sampler = static_cast<SamplingRegion>(word("sampler", {"ellipse", "level_set"}));
+  options.turn_rule =
+      static_cast<TurnRule>(word("turn_rule", {"none", "insertion", "heading_labels"}));
   const std::string planner = reader.required_string("planner");
   reader.require(planner == "lattice" || planner == "bit_star", "planner",
                  "must be lattice or bit_star");

@@ -15,6 +15,15 @@
 
 namespace hedgehop::global_planning {
 
+/// What leads BIT*: lower bounds of the cost to come and the cost to go.
+enum class SearchHeuristic : std::uint8_t { kLength, kCostField };
+/// Where BIT* draws states: all that a route of the best cost could reach, by length or by the
+/// strict bounds of CostBound.
+enum class SamplingRegion : std::uint8_t { kEllipse, kLevelSet };
+/// What BIT* heeds of turns: nothing, the insertion condition of the paper, or that and a first
+/// route that is searched over directed edges.
+enum class TurnRule : std::uint8_t { kNone, kInsertion, kHeadingLabels };
+
 /// Section `global` of the planning config.
 struct GlobalOptions {
   double envelope_floor_m = 0.0;     // least height above the surface
@@ -28,8 +37,10 @@ struct GlobalOptions {
   double final_check_step_m = 0.0;   // no route leaves that fails at this step
   double guide_spacing_m = 0.0;
   std::int64_t batch_size = 0;
-  double radius_factor = 0.0;    // of the r-disc of the random geometric graph
-  bool heading_labels = false;   // extension: search the first route over directed edges
+  double radius_factor = 0.0;  // of the r-disc of the random geometric graph
+  SearchHeuristic heuristic = SearchHeuristic::kLength;
+  SamplingRegion sampler = SamplingRegion::kEllipse;
+  TurnRule turn_rule = TurnRule::kInsertion;
   double radius_max_m = 0.0;     // longer edges are left to the shortcut scan
   bool use_lattice = false;      // first route from search_lattice; BIT* only where that fails
   bool refine = false;           // corridor refinement of the first planner's route

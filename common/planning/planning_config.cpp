@@ -11,6 +11,7 @@ namespace hedgehop::planning {
 namespace {
 
 constexpr char kShippedName[] = "config/planning.yaml";
+constexpr char kHeadingLabels[] = "global.heading_labels";
 
 // A vehicle is named by a path: beside the user's config, or one that ships with hedgehop.
 struct VehicleText {
@@ -161,8 +162,18 @@ std::vector<ConfigOrigin> planning_config_origins(const std::string& config_file
 }
 
 PlanningConfig read_recorded_config(const std::string& text, const std::string& name) {
+  std::string known = text;
+  std::vector<std::string> settings;
+  for (const ConfigEntry& entry : config_entries(text, name)) {
+    if (entry.key == kHeadingLabels) {
+      // Until turn_rule took its place: whether the first route is searched over directed edges.
+      known = without_config_key(text, name, kHeadingLabels);
+      settings.emplace_back(entry.value == "false" ? "global.turn_rule=insertion"
+                                                   : "global.turn_rule=heading_labels");
+    }
+  }
   return read_planning_config(
-      overlay_config(effective_planning_config("", {}), kShippedName, text, name), name);
+      overlay_config(effective_planning_config("", settings), kShippedName, known, name), name);
 }
 
 }  // namespace hedgehop::planning

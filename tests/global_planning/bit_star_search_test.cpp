@@ -19,19 +19,37 @@ constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
 const BitStarSearch::ShouldStop kNeverStop = [] { return false; };
 const BitStarSearch::OnEvent kSilent = [] {};
 
-// Both ways to the first route: over directed edges, and over states as in the paper.
-class BitStarSearchTest : public testing::TestWithParam<bool> {
+struct Switches {
+  const char* name;
+  SearchHeuristic heuristic;
+  SamplingRegion sampler;
+  TurnRule turn_rule;
+};
+
+// Each choice of each switch, and the paper's together.
+class BitStarSearchTest : public testing::TestWithParam<Switches> {
  protected:
   static GlobalOptions options() {
     GlobalOptions result = shipped_global_options();
     result.batch_size = 500;
-    result.heading_labels = GetParam();
+    result.heuristic = GetParam().heuristic;
+    result.sampler = GetParam().sampler;
+    result.turn_rule = GetParam().turn_rule;
     return result;
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(FirstRoute, BitStarSearchTest, testing::Bool(),
-                         [](const auto& given) { return given.param ? "Labels" : "Tree"; });
+INSTANTIATE_TEST_SUITE_P(
+    Switches, BitStarSearchTest,
+    testing::Values(Switches{"Labels", SearchHeuristic::kLength, SamplingRegion::kEllipse,
+                             TurnRule::kHeadingLabels},
+                    Switches{"Paper", SearchHeuristic::kLength, SamplingRegion::kEllipse,
+                             TurnRule::kInsertion},
+                    Switches{"FieldsAndLabels", SearchHeuristic::kCostField,
+                             SamplingRegion::kLevelSet, TurnRule::kHeadingLabels},
+                    Switches{"FieldWithoutTurns", SearchHeuristic::kCostField,
+                             SamplingRegion::kEllipse, TurnRule::kNone}),
+    [](const auto& given) { return std::string(given.param.name); });
 
 TEST_P(BitStarSearchTest, SpendsItsBudgetExactlyAndNeverMore) {
   const std::uint64_t seed = test::fresh_seed();
@@ -71,7 +89,10 @@ TEST_P(BitStarSearchTest, CostsFallWithWorkAndNeverBelowTheBound) {
     before_m = search.best_cost_m();
   });
   ASSERT_TRUE(search.has_route());
-  EXPECT_LE(search.lower_bound_m(), flight::length_m(search.best_route()));
+  EXPECT_LE(search.lower_bound_m(), search.best_cost_m());
+  if (GetParam().heuristic == SearchHeuristic::kLength) {
+    EXPECT_LE(search.lower_bound_m(), flight::length_m(search.best_route()));
+  }
   EXPECT_LE(flight::length_m(search.best_route()), search.best_cost_m());
   const double dx_m = 5000.0 - 800.0;
   const double dy_m = 5200.0 - 800.0;
@@ -97,7 +118,7 @@ TEST_P(BitStarSearchTest, EveryEdgeOfTheTreeKeepsBandClimbAndTurns) {
     EXPECT_LT(envelope.leg_cost_m(from, to), std::numeric_limits<double>::infinity());
     ++edges;
     const int grandparent = search.parent(static_cast<std::size_t>(parent));
-    if (grandparent >= 0) {
+    if (grandparent >= 0 && GetParam().turn_rule != TurnRule::kNone) {
       const Waypoint before = search.state(static_cast<std::size_t>(grandparent));
       EXPECT_TRUE(envelope.is_turn_allowed(from.x_m - before.x_m, from.y_m - before.y_m,
                                            to.x_m - from.x_m, to.y_m - from.y_m));
@@ -105,7 +126,56 @@ TEST_P(BitStarSearchTest, EveryEdgeOfTheTreeKeepsBandClimbAndTurns) {
     }
   }
   EXPECT_GT(edges, 100);
-  EXPECT_GT(corners, 50);
+  EXPECT_GT(corners, GetParam().turn_rule == TurnRule::kNone ? -1 : 50);
+}
+
+TEST(BitStarSearchSwitches, TheLevelSetHoldsEveryStateOfACheaperRouteAndLittleElse) {
+  // GIVEN a plain where flying over the northern half costs ten times as much
+  map::Map map = test::make_map(200, 200, 30.0, [](double, double) { return 100.0; });
+  for (int row = 110; row < 200; ++row) {
+    for (int column = 0; column < 200; ++column) {
+      map.visibility.at(column, row) = test::stored_visibility(0.6);
+    }
+  }
+  test::finish_map(map);
+  const PlanningCase in(std::move(map), kWeights);
+  GlobalOptions options = shipped_global_options();
+  options.batch_size = 500;
+  options.sampler = SamplingRegion::kLevelSet;
+  const FlightEnvelope envelope(in.costs, options, in.above(800, 2500), in.above(5200, 2500));
+  BitStarSearch search(envelope, options, 1);
+  search.run(3000, kNeverStop, kSilent);
+  ASSERT_TRUE(search.has_route());
+  const std::size_t before = search.state_count();
+  const double level_m = search.best_cost_m();
+  search.run(20000, kNeverStop, kSilent);
+  ASSERT_GT(search.state_count(), before + 500);
+  int northern = 0;
+  for (std::size_t i = before + 500; i < search.state_count(); ++i) {  // later batches
+    const Waypoint at = search.state(i);
+    // Every metre costs at least 1.
+    EXPECT_LE(
+        std::hypot(at.x_m - 800.0, at.y_m - 2500.0) + std::hypot(at.x_m - 5200.0, at.y_m - 2500.0),
+        level_m * (1.0 + 1e-3));
+    northern += at.y_m > 3500.0 ? 1 : 0;
+  }
+  EXPECT_EQ(northern, 0) << "200 m there and back through the dear half costs more than is saved";
+}
+
+TEST(BitStarSearchSwitches, WithTheCostFieldItsBoundIsTheStrictOneAndMoreThanTheLength) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 200, 30.0, 2000.0, 60.0), kWeights);
+  GlobalOptions options = shipped_global_options();
+  options.batch_size = 500;
+  options.heuristic = SearchHeuristic::kCostField;
+  const FlightEnvelope envelope(in.costs, options, in.above(800, 800), in.above(5000, 5200));
+  BitStarSearch search(envelope, options, seed);
+  search.run(8000, kNeverStop, kSilent);
+  const CostBound bound(envelope, envelope.goal().point(), envelope.start().point());
+  const double strict_m = bound.cost_m(envelope.start().point());
+  EXPECT_GE(search.lower_bound_m(), 0.999 * flight::length_m({envelope.start(), envelope.goal()}));
+  EXPECT_GE(search.lower_bound_m(), strict_m * (1.0 - 1e-6));
+  EXPECT_GE(search.best_cost_m(), search.lower_bound_m());
 }
 
 TEST_P(BitStarSearchTest, AStopRequestEndsItWithinAFewHundredUnits) {
@@ -152,7 +222,7 @@ TEST_P(BitStarSearchTest, StoppingAnywhereAndGoingOnGivesTheSameRoute) {
 TEST(BitStarSearchStop, IsAskedManyTimesWhileABatchIsJoinedToTheGraph) {
   const PlanningCase in(test::make_fractal_map(3, 200, 30.0, 3000.0, 100.0), kWeights);
   GlobalOptions options = shipped_global_options();
-  options.heading_labels = false;
+  options.turn_rule = TurnRule::kInsertion;
   options.batch_size = 4000;
   const FlightEnvelope envelope(in.costs, options, in.above(800, 800), in.above(5000, 5200));
   BitStarSearch search(envelope, options, 1);
@@ -195,7 +265,7 @@ TEST(BitStarSearchLabels, TheyFindAWayThatOneParentForEachStateWouldBlock) {
   const Waypoint start = in.above(2000.0, 2000.0, 40.0);
   const Waypoint goal = in.above(4000.0, 3000.0, 40.0);
   for (const bool has_labels : {false, true}) {
-    options.heading_labels = has_labels;
+    options.turn_rule = has_labels ? TurnRule::kHeadingLabels : TurnRule::kInsertion;
     const FlightEnvelope envelope(in.costs, options, start, goal);
     BitStarSearch search(envelope, options, 1);
     search.add_state(in.above(2400.0, 2500.0, 40.0));  // on the way that curves

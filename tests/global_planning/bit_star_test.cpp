@@ -151,10 +151,18 @@ TEST(BitStarPlanner, RunsBesideStockPlannersInALibraryBenchmark) {
   setup.setOptimizationObjective(problem->getOptimizationObjective());
   ompl::tools::Benchmark benchmark(setup, "one problem");
   benchmark.addPlanner(in.planner(20000));
+  const auto led = in.planner(20000);
+  led->setName("hedgehop BIT* with fields");
+  led->params().setParam("heuristic", "cost_field");
+  led->params().setParam("sampler", "level_set");
+  led->params().setParam("turn_rule", "none");
+  led->params().setParam("batch_size", "1000");
+  benchmark.addPlanner(led);
   benchmark.addPlanner(std::make_shared<og::RRTConnect>(in.space));
   benchmark.benchmark(ompl::tools::Benchmark::Request(20.0, 4000.0, 1, 0.05, false, false, true));
   const auto& experiment = benchmark.getRecordedExperimentData();
-  ASSERT_EQ(experiment.planners.size(), 2U);
+  ASSERT_EQ(experiment.planners.size(), 3U);
+  EXPECT_EQ(experiment.planners[2].runs.at(0).at("solved BOOLEAN"), "1");
   EXPECT_EQ(experiment.planners[0].runs.at(0).at("solved BOOLEAN"), "1");
   EXPECT_EQ(experiment.planners[1].runs.at(0).at("solved BOOLEAN"), "1");
 }

@@ -165,6 +165,52 @@ TEST(CostBound, WorksUpToTheEdgeOfTheMap) {
   EXPECT_EQ(bound.cost_m({-1.0, 20.0}), 0.0);
 }
 
+TEST(CostBound, BetweenTheCornersOfACellItIsBilinear) {
+  const auto seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 60, 30.0, 1000.0, 60.0), kShipped);
+  const GlobalOptions options = test::shipped_global_options();
+  const flight::Waypoint start = in.above(200, 300);
+  const flight::Waypoint goal = in.above(1500, 1400);
+  const FlightEnvelope envelope(in.costs, options, start, goal);
+  const CostBound bound(envelope, goal.point(), start.point());
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> share(0.0, 1.0);
+  for (int round = 0; round < 200; ++round) {
+    const int column = static_cast<int>(share(random) * 59.99);
+    const int row = static_cast<int>(share(random) * 59.99);
+    const double u = share(random);
+    const double v = share(random);
+    const double expected_m = (1.0 - v) * ((1.0 - u) * bound.corner_cost_m(column, row) +
+                                           u * bound.corner_cost_m(column + 1, row)) +
+                              v * ((1.0 - u) * bound.corner_cost_m(column, row + 1) +
+                                   u * bound.corner_cost_m(column + 1, row + 1));
+    EXPECT_NEAR(bound.cost_m({30.0 * (column + u), 30.0 * (row + v)}), expected_m,
+                1e-6 * (1.0 + expected_m));
+  }
+}
+
+TEST(CostBound, MadeInStepsIsTheSameAndEachStepIsShort) {
+  const auto seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 300, 30.0, 3000.0, 100.0), kShipped);
+  const GlobalOptions options = test::shipped_global_options();
+  const flight::Waypoint start = in.above(800, 800);
+  const flight::Waypoint goal = in.above(8000, 8200);
+  const FlightEnvelope envelope(in.costs, options, start, goal);
+  CostBoundMaking making(envelope, goal.point(), start.point());
+  int steps = 1;
+  while (!making.step()) {
+    ++steps;
+  }
+  EXPECT_TRUE(making.step());  // and stays complete
+  // Ninety thousand cells, each looked at ten times and more, at most some thousand a step.
+  EXPECT_GT(steps, 150);
+  const CostBound in_steps = std::move(making).take();
+  const CostBound at_once(envelope, goal.point(), start.point());
+  for (int i = 0; i < 300; ++i) {
+    EXPECT_EQ(in_steps.corner_cost_m(i, (7 * i) % 300), at_once.corner_cost_m(i, (7 * i) % 300));
+  }
+}
+
 TEST(CostBound, NoPartOfAnyRouteCostsLessThanItsDifference) {
   const auto seed = test::fresh_seed();
   map::Map map = test::make_fractal_map(seed, 200, 30.0, 2000.0, 250.0);
@@ -190,6 +236,7 @@ TEST(CostBound, NoPartOfAnyRouteCostsLessThanItsDifference) {
     ++routes;
     const FlightEnvelope envelope(in.costs, options, start, goal);
     const CostBound bound(envelope, goal.point(), start.point());
+    const CostBound from_start(envelope, start.point(), goal.point());
     const double whole_m = in.costs.route_cost(route->waypoints, 0.5).total_m();
     EXPECT_LE(bound.cost_m(start.point()), whole_m * (1.0 + 1e-3));
     EXPECT_GE(route->lower_bound_m, flight::length_m({start, goal}) * 0.999);
@@ -199,6 +246,9 @@ TEST(CostBound, NoPartOfAnyRouteCostsLessThanItsDifference) {
           route->waypoints.begin() + static_cast<std::ptrdiff_t>(i), route->waypoints.end());
       EXPECT_LE(bound.cost_m(rest.front().point()),
                 in.costs.route_cost(rest, 0.5).total_m() * (1.0 + 1e-3));
+      // Hence the level set of any cost holds all routes of that cost.
+      EXPECT_LE(bound.cost_m(rest.front().point()) + from_start.cost_m(rest.front().point()),
+                whole_m * (1.0 + 1e-3));
     }
   }
   EXPECT_GE(routes, 1);

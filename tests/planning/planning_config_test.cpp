@@ -129,6 +129,40 @@ TEST_F(PlanningConfigTest, ConfigOfAnEarlierVersionIsReadWithWhatItLacksAsShippe
   EXPECT_THAT(error, HasSubstr("unknown key 'forgotten'"));
 }
 
+TEST_F(PlanningConfigTest, HeadingLabelsOfAnEarlierVersionBecomeTheTurnRule) {
+  using global_planning::TurnRule;
+  std::string text = effective_planning_config("", {"global.batch_size=77"});
+  const std::size_t at = text.find("turn_rule: heading_labels");
+  ASSERT_NE(at, std::string::npos);
+  for (const auto& [word, rule] :
+       {std::pair{"true", TurnRule::kHeadingLabels}, std::pair{"false", TurnRule::kInsertion}}) {
+    std::string old = text;
+    old.replace(at, std::string("turn_rule: heading_labels").size(),
+                std::string("heading_labels: ") + word);
+    EXPECT_THROW((void)read_planning_config(old, "old"), ConfigError);
+    const PlanningConfig config = read_recorded_config(old, "old");
+    EXPECT_EQ(config.global.turn_rule, rule);
+    EXPECT_EQ(config.global.batch_size, 77);
+  }
+}
+
+TEST_F(PlanningConfigTest, TheSwitchesOfBitStarAreWordsFromAList) {
+  using global_planning::SamplingRegion;
+  using global_planning::SearchHeuristic;
+  using global_planning::TurnRule;
+  const auto with = [](const std::string& setting) {
+    return read_planning_config(effective_planning_config("", {setting}), "set").global;
+  };
+  EXPECT_EQ(with("global.heuristic=cost_field").heuristic, SearchHeuristic::kCostField);
+  EXPECT_EQ(with("global.sampler=level_set").sampler, SamplingRegion::kLevelSet);
+  EXPECT_EQ(with("global.turn_rule=none").turn_rule, TurnRule::kNone);
+  EXPECT_EQ(with("global.turn_rule=insertion").turn_rule, TurnRule::kInsertion);
+  EXPECT_THAT(error_of([&] { (void)with("global.heuristic=lengths"); }),
+              HasSubstr("'global.heuristic' must be one of length, cost_field"));
+  EXPECT_THAT(error_of([&] { (void)with("global.turn_rule=labels"); }),
+              HasSubstr("'global.turn_rule' must be one of none, insertion, heading_labels"));
+}
+
 TEST_F(PlanningConfigTest, EffectiveConfigReadsBackToItself) {
   const std::string text = effective_planning_config("", {"global.work_budget=1234"});
 
