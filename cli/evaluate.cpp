@@ -15,6 +15,7 @@
 #include "evaluate_framework.hpp"
 #include "evaluate_local.hpp"
 #include "evaluate_optimality.hpp"
+#include "evaluate_reaction.hpp"
 #include "evaluate_replanning.hpp"
 #include "evaluate_speed.hpp"
 #include "evaluate_verifier.hpp"
@@ -203,6 +204,7 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
       "  hedgehop evaluate local-speed --json\n"
       "  hedgehop evaluate optimality --map map --problems 5 --json\n"
       "  hedgehop evaluate replanning --map map --events 20 --json\n"
+      "  hedgehop evaluate reaction --map map --events 60 --json\n"
       "  hedgehop evaluate verifier --map map --plans 100 --json\n"
       "  hedgehop evaluate bus --map map --json\n"
       "  hedgehop evaluate flight --map map --plans 20 --json");
@@ -212,6 +214,7 @@ void add_evaluate_verb(CLI::App& app, Console& console) {
   add_local_evaluation_verbs(*verb, console);
   add_framework_evaluation_verbs(*verb, console);
   add_optimality_verb(*verb, console);
+  add_reaction_verb(*verb, console);
   add_replanning_verb(*verb, console);
   add_local_speed_verb(*verb, console);
   add_verifier_verb(*verb, console);

@@ -90,6 +90,13 @@ CommandModel::CommandModel(const Vehicle& vehicle)
       pitch_command_max_rad_(vehicle.limits.pitch_max_rad /
                              worst_overshoot(vehicle.model.attitude_damping)) {}
 
+double limited_heading_rad(double before_rad, double wanted_rad, double change_max_rad) {
+  const double change_rad = wrap_to_pi(wanted_rad - before_rad);
+  return std::fabs(change_rad) <= change_max_rad
+             ? wanted_rad
+             : wrap_to_pi(before_rad + std::copysign(change_max_rad, change_rad));
+}
+
 StateTrigonometry trigonometry_of(const ModelState& state) {
   const elementary::SineCosine heading = elementary::sine_cosine(state.heading_math_rad);
   return {elementary::tan(state.bank_left_rad), elementary::tan(state.pitch_rad), heading.cosine,

@@ -56,6 +56,9 @@ struct Command {
   double climb_rate_mps = 0.0;
 };
 
+/// `wanted_rad`, or as far towards it from `before_rad` as the change may be.
+double limited_heading_rad(double before_rad, double wanted_rad, double change_max_rad);
+
 /// Functions of a state's angles that a step needs and leaves behind for the next one.
 struct StateTrigonometry {
   double tan_bank = 0.0;

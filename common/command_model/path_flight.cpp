@@ -64,7 +64,10 @@ FollowedState PathFlight::place() const {
 
 void PathFlight::step() {
   const double step_s = trajectory_->step_s;
+  const double before_rad = command_.heading_math_rad;
   command_ = follower_.command(place(), wind_, step_s);
+  command_.heading_math_rad =
+      limited_heading_rad(before_rad, command_.heading_math_rad, heading_rate_max_radps_ * step_s);
   note();
   if (const auto* rotor = std::get_if<Rotor>(&plant_)) {
     rotor_state_ = (*rotor)->step(rotor_state_, command_, wind_, step_s);

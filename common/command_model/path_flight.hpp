@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <variant>
 
@@ -40,6 +41,9 @@ class PathFlight {
   /// state.
   void take_over(const PathFlight& before);
 
+  /// From here on the commanded heading changes by no more than this.
+  void limit_heading_rate(double rate_max_radps) { heading_rate_max_radps_ = rate_max_radps; }
+
   /// One step of the trajectory's step_s.
   void step();
 
@@ -65,6 +69,7 @@ class PathFlight {
   ModelState model_state_;  // of the air: heading and speed without the wind
   RotorState rotor_state_;
   Command command_;
+  double heading_rate_max_radps_ = std::numeric_limits<double>::infinity();
   PathRecord record_;
 };
 

@@ -29,17 +29,19 @@ double distance_m(double dx_m, double dy_m) { return std::sqrt(dx_m * dx_m + dy_
 Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const HistogramTables> tables,
                  const Guide& guide, const CommandModel& model, const LocalOptions& options,
                  const HistogramOptions& histogram_options, double speed_mps,
-                 const ModelState& initial, Kernel kernel)
+                 const ModelState& initial, const HeadingCommand& heading, Kernel kernel)
     : guide_(guide),
       model_(model),
       options_(options),
       sectors_(histogram_options.sectors),
       cheapest_(kernel == Kernel::kPlain ? &plain_cheapest : step_kernels(kernel).cheapest),
+      heading_(heading),
       speed_mps_(speed_mps),
       disc_radius_m_(histogram_options.disc_radius_m),
       tangent_min_(elementary::tan(options.climb_angle_min_rad)),
       turn_max_(elementary::tan(model.bank_command_max_rad())) {
-  memory_.commanded_rad = initial.heading_math_rad;
+  memory_.commanded_rad =
+      std::isnan(heading.before_rad) ? initial.heading_math_rad : heading.before_rad;
   memory_.before_rad = initial.heading_math_rad;
   if (options.mode == LocalMode::kRollout) {
     rollout_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
@@ -104,6 +106,8 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
       rollout_ ? judge_by_rollout(state, trigonometry, question, target_math_rad, reach_m, step)
                : judge_by_histogram(state, trigonometry, question, target_math_rad, turn_radius_m,
                                     reach_m, step);
+  step.command.heading_math_rad =
+      heading_.limited_rad(memory_.commanded_rad, step.command.heading_math_rad, options_.step_s);
   memory_.commanded_rad = step.command.heading_math_rad;
   memory_.before_rad = step.target_heading_math_rad;
   chosen_rad_ = step.target_heading_math_rad;

@@ -27,7 +27,7 @@ class Decider {
   Decider(const Surroundings& surroundings, std::shared_ptr<const HistogramTables> tables,
           const Guide& guide, const command_model::CommandModel& model, const LocalOptions& options,
           const HistogramOptions& histogram_options, double speed_mps,
-          const command_model::ModelState& initial, Kernel kernel);
+          const command_model::ModelState& initial, const HeadingCommand& heading, Kernel kernel);
 
   /// The next step; states must come in the order of the flight.
   ///
@@ -96,6 +96,7 @@ class Decider {
   int (*cheapest_)(const DirectionTask&);
   std::optional<ClimbForecast> forecast_;
   std::optional<Rollout> rollout_;
+  HeadingCommand heading_;
   double speed_mps_;
   double disc_radius_m_;
   double tangent_min_;

@@ -38,6 +38,8 @@ class Attempt {
       const std::function<std::optional<Command>(std::size_t, const ModelState&)>& command) const {
     std::vector<FlownStep> steps;
     ModelState state = from;
+    double commanded_rad = std::isnan(options_.heading.before_rad) ? from.heading_math_rad
+                                                                   : options_.heading.before_rad;
     std::size_t checked = 0;
     const auto add = [&](const Command& with) {
       FlownStep step;
@@ -49,7 +51,12 @@ class Attempt {
     };
     const auto steps_max = static_cast<std::size_t>(options_.time_max_s / step_s_);
     for (std::size_t i = 0; i <= steps_max; ++i) {
-      const std::optional<Command> next = command(i, state);
+      std::optional<Command> next = command(i, state);
+      if (next) {
+        next->heading_math_rad =
+            options_.heading.limited_rad(commanded_rad, next->heading_math_rad, step_s_);
+        commanded_rad = next->heading_math_rad;
+      }
       add(next             ? *next
           : !steps.empty() ? steps.back().command
                            : Command{from.speed_mps, from.heading_math_rad, 0.0});

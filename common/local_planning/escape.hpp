@@ -17,6 +17,7 @@ struct EscapeOptions {
   double clearance_m = 0.0;       // kept above the surface
   double lateral_margin_m = 0.0;  // within this of the track
   double time_max_s = 0.0;        // until it is high enough
+  HeadingCommand heading{};       // turns begin there
 };
 
 /// A way out: what is flown from the state on, until it is high enough to circle level.

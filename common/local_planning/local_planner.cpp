@@ -92,11 +92,12 @@ class GoalWatch {
 class Keeper {
  public:
   Keeper(const Surroundings& surroundings, const CommandModel& model, const LocalOptions& options,
-         const Guide& guide)
+         const Guide& guide, const HeadingCommand& heading)
       : surface_m_(surroundings.surface_m()),
         model_(model),
         options_(options),
         guide_(guide),
+        heading_(heading),
         stride_(
             std::max<std::size_t>(1, static_cast<std::size_t>(kMoment_s / options.step_s + 0.5))),
         check_stride_(
@@ -176,9 +177,11 @@ class Keeper {
     for (const EscapeWays ways : {EscapeWays::kAlongGuide, EscapeWays::kAny}) {
       for (std::size_t i = moments_.size(); i > 0 && moments_[i - 1].step + back >= now; --i) {
         Turn& moment = moments_[i - 1];
-        const EscapeOptions escape{options_.slow_speed_mps, clearance_at(moment.state),
+        const EscapeOptions escape{options_.slow_speed_mps,
+                                   clearance_at(moment.state),
                                    options_.rollout_escape.lateral_margin_m,
-                                   options_.rollout_escape.time_max_s};
+                                   options_.rollout_escape.time_max_s,
+                                   {moment.memory.commanded_rad, heading_.rate_max_radps}};
         auto way_out = escape_along(surface_m_, model_, escape, ways, moment.state, guide_,
                                     moment.memory.along_m, options_.goal_radius_m, options_.step_s);
         // One step is where it is high enough already: that leads nowhere.
@@ -199,6 +202,7 @@ class Keeper {
   const CommandModel& model_;
   const LocalOptions& options_;
   const Guide& guide_;
+  HeadingCommand heading_;
   std::size_t stride_;
   std::size_t check_stride_;
   double start_clearance_m_;
@@ -267,7 +271,7 @@ std::variant<Flight, flight::NoPlan> fly_along(
     const LocalGround& ground, const command_model::Vehicle& vehicle, const LocalOptions& options,
     const std::vector<flight::Waypoint>& guide, const command_model::ModelState& initial,
     double speed_mps, const StepModel& step_model, Observer& observer, Kernel kernel,
-    const DecisionWatch& watch) {
+    const DecisionWatch& watch, const HeadingCommand& heading) {
   const flight::Limits& limits = vehicle.limits;
   if (!is_finite(initial)) {
     throw std::invalid_argument("the state at the start must be finite");
@@ -291,11 +295,11 @@ std::variant<Flight, flight::NoPlan> fly_along(
                             ? ground.tables.at(static_cast<std::size_t>(pass))
                             : nullptr;
     Decider decider(surroundings, tables, line, model, options, histogram, speed_mps, initial,
-                    kernel);
+                    heading, kernel);
     GoalWatch goal(line, options.goal_radius_m);
     std::optional<Keeper> keeper;
     if (options.mode == LocalMode::kRollout && options.rollout_escape.is_used) {
-      keeper.emplace(surroundings, model, options, line);
+      keeper.emplace(surroundings, model, options, line, heading);
     }
     std::vector<FlownStep> way_out;
     std::size_t out_step = 0;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <variant>
 #include <vector>
@@ -106,6 +107,17 @@ struct Flight {
   std::int64_t escapes = 0;               // ways out that rollouts took
 };
 
+/// How a flight that goes on from another one may change its commanded heading.
+struct HeadingCommand {
+  double before_rad = std::numeric_limits<double>::quiet_NaN();  // commanded last; NaN: as it flies
+  double rate_max_radps = std::numeric_limits<double>::infinity();  // also on ways out
+
+  /// `wanted_rad`, or as far towards it as a step allows.
+  [[nodiscard]] double limited_rad(double commanded_rad, double wanted_rad, double step_s) const {
+    return command_model::limited_heading_rad(commanded_rad, wanted_rad, rate_max_radps * step_s);
+  }
+};
+
 /// How a commanded step is flown: in process, or by the command_model process in lockstep.
 using StepModel = std::function<command_model::ModelState(
     const command_model::ModelState& state, const command_model::Command& command, double step_s)>;
@@ -184,6 +196,7 @@ std::variant<Flight, flight::NoPlan> fly_along(
     const LocalGround& ground, const command_model::Vehicle& vehicle, const LocalOptions& options,
     const std::vector<flight::Waypoint>& guide, const command_model::ModelState& initial,
     double speed_mps, const StepModel& step_model, Observer& observer,
-    Kernel kernel = Kernel::kBest, const DecisionWatch& watch = {});
+    Kernel kernel = Kernel::kBest, const DecisionWatch& watch = {},
+    const HeadingCommand& heading = {});
 
 }  // namespace hedgehop::local_planning

@@ -9,18 +9,8 @@
 #include "local_planning/vertical_pass.hpp"
 
 namespace hedgehop::planning {
-namespace {
 
-using flight::NoPlan;
-
-struct Candidate {
-  local_planning::Flight flight;
-  double cost_m = 0.0;
-  bool is_following = false;
-  bool is_lowered = false;
-};
-
-flight::Trajectory to_trajectory(const local_planning::Flight& flight, const map::Map& map,
+flight::Trajectory trajectory_of(const local_planning::Flight& flight, const map::Map& map,
                                  const geo::MapProjection& projection) {
   flight::Trajectory trajectory;
   trajectory.step_s = flight.step_s;
@@ -57,6 +47,17 @@ flight::Trajectory to_trajectory(const local_planning::Flight& flight, const map
   }
   return trajectory;
 }
+
+namespace {
+
+using flight::NoPlan;
+
+struct Candidate {
+  local_planning::Flight flight;
+  double cost_m = 0.0;
+  bool is_following = false;
+  bool is_lowered = false;
+};
 
 // Costs that are not known come last.
 bool is_cheaper(const Candidate& a, const Candidate& b) {
@@ -136,7 +137,7 @@ std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
     }
     for (const Candidate& candidate : std::get<std::vector<Candidate>>(flown)) {
       RouteFlight checked;
-      checked.trajectory = to_trajectory(candidate.flight, costs.map(), projection);
+      checked.trajectory = trajectory_of(candidate.flight, costs.map(), projection);
       checked.verdict = verification::verify(costs.map(), checked.trajectory, task.start, task.via,
                                              task.goal, config.vehicle.limits, config.demands);
       checked.cost_m = candidate.cost_m;

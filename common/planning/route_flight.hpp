@@ -4,6 +4,7 @@
 #include <variant>
 #include <vector>
 
+#include "geo/map_projection.hpp"
 #include "planning/planning.hpp"
 
 namespace hedgehop::planning {
@@ -45,5 +46,9 @@ std::variant<RouteFlight, flight::NoPlan> fly_route(
     const risk::CostModel& costs, const PlanningConfig& config, const RouteTask& task,
     const local_planning::StepModel& step_model, Observer& observer,
     const local_planning::DecisionWatch& watch = {});
+
+/// A flight in the terms of a plan, with the ground below it.
+flight::Trajectory trajectory_of(const local_planning::Flight& flight, const map::Map& map,
+                                 const geo::MapProjection& projection);
 
 }  // namespace hedgehop::planning

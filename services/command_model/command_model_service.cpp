@@ -62,6 +62,15 @@ CommandModelOptions read_command_model_options(ConfigReader reader) {
   options.replan_lead_s = reader.required_double("replan_lead_s");
   reader.require(options.replan_lead_s >= 0.0 && options.replan_lead_s <= 120.0, "replan_lead_s",
                  "must lie between 0 and 120");
+  options.reaction.horizon_s = reader.required_double("reaction_horizon_s");
+  reader.require(options.reaction.horizon_s == 0.0 ||
+                     (options.reaction.horizon_s >= 20.0 && options.reaction.horizon_s <= 300.0),
+                 "reaction_horizon_s", "must be 0 or lie between 20 and 300");
+  options.reaction.heading_rate_max_radps =
+      radians_from_degrees(reader.required_double("heading_rate_max_degps"));
+  reader.require(options.reaction.heading_rate_max_radps >= kDegree_rad &&
+                     options.reaction.heading_rate_max_radps <= 180.0 * kDegree_rad,
+                 "heading_rate_max_degps", "must lie between 1 and 180");
   const double wind_mps = reader.required_double("wind_mps");
   reader.require(wind_mps >= 0.0 && wind_mps <= 30.0, "wind_mps", "must lie between 0 and 30");
   const double wind_from_rad = reader.required_angle("wind_from_deg");
@@ -88,10 +97,11 @@ std::shared_ptr<const command_model::RotorPlant> shipped_rotor() {
 
 struct CommandModelService::Flight {
   Hash128 request_id;
-  Hash128 plan_id;  // blob of the trajectory
+  Hash128 plan_id;  // blob of the trajectory, or of the one that a reaction left
   Hash128 map_hash;
   std::int64_t patch_number = 0;
   flight::RoutePlan route;
+  Config config;
   Model model;
   std::optional<flight::Trajectory> trajectory;     // none: flown by targets
   std::unique_ptr<command_model::PathFlight> path;  // along the trajectory; none: by its commands
@@ -100,6 +110,11 @@ struct CommandModelService::Flight {
   command_model::Command command;
   double step_s = 0.0;
   std::int64_t step_number = 0;
+  std::int64_t steps_before = 0;  // of the same plan, before it was left for a reaction
+  bool is_heading_limited = false;
+  std::string reaction_text;     // empty: it is as planned
+  std::size_t way_out_step = 0;  // of a reaction
+  double via_radius_m = 0.0;     // likewise
   Time start;
   Time newest_target;
   double horizontal_deviation_max_m = 0.0;
@@ -110,6 +125,23 @@ struct CommandModelService::Flight {
     const auto step = path ? static_cast<std::size_t>(path->plan_time_s() / step_s)
                            : static_cast<std::size_t>(step_number);
     return std::min(step, trajectory->states.size() - 1);
+  }
+  [[nodiscard]] bool is_on_way_out() const {
+    return !reaction_text.empty() && way_out_step < trajectory->states.size();
+  }
+  // The vehicle is what it is, whatever state the new trajectory begins with.
+  void continue_from(const Flight& before, double heading_rate_max_radps) {
+    state = before.state;
+    command.heading_math_rad = limited_from(before, heading_rate_max_radps);
+    is_heading_limited = true;
+    if (before.path) {
+      path->take_over(*before.path);
+      path->limit_heading_rate(heading_rate_max_radps);
+    }
+  }
+  [[nodiscard]] double limited_from(const Flight& before, double heading_rate_max_radps) const {
+    return command_model::limited_heading_rad(
+        before.command.heading_math_rad, command.heading_math_rad, heading_rate_max_radps * step_s);
   }
   // Where on the path still ahead another trajectory begins, if it does.
   [[nodiscard]] std::optional<std::size_t> step_at(const flight::FlightState& first) const {
@@ -139,7 +171,8 @@ struct CommandModelService::Flight {
         std::max(vertical_deviation_max_m, std::fabs(state.altitude_m - wanted.altitude_m));
   }
   [[nodiscard]] std::string text() const {
-    return flown_text() + (patch_number > 0 ? ", on patch " + std::to_string(patch_number) : "");
+    return flown_text() + (patch_number > 0 ? ", on patch " + std::to_string(patch_number) : "") +
+           reaction_text;
   }
   [[nodiscard]] std::string flown_text() const {
     char text[300];
@@ -175,7 +208,8 @@ CommandModelService::CommandModelService(const CommandModelOptions& options, bus
       bus_(bus),
       exchange_(exchange),
       loop_(loop),
-      replanner_(options.replan_lead_s, bus, exchange) {
+      replanner_(options.replan_lead_s, bus, exchange),
+      reaction_(options.reaction, bus, exchange) {
   HEDGEHOP_ASSERT(options.plant != CommandModelOptions::Plant::kRotor || rotor_);
   bus.subscribe<messages::RouteHeader>(messages::kRouteChannel,
                                        [this](const messages::RouteHeader& route, const Stamp&) {
@@ -253,9 +287,11 @@ CommandModelService::Model CommandModelService::model_of(const Hash128& request_
 
 void CommandModelService::tick(Time now) {
   try {
+    reaction_.tick(flight_ != nullptr);
     take_off_if_ready(now);
     answer_lockstep();
     take_over_if_targeted(now);
+    react_to_news(now);
   } catch (const std::exception& error) {  // what came over the bus is of no use
     next_trajectory_.reset();
     lockstep_targets_.clear();
@@ -275,7 +311,8 @@ std::optional<FlightUnderWay> CommandModelService::newest_flight() const {
     return std::nullopt;
   }
   const std::size_t step = next_flight_ ? 0 : flight->place();
-  return FlightUnderWay{&flight->route, &*flight->trajectory, step, flight->map_hash};
+  return FlightUnderWay{&flight->route, &*flight->trajectory, step, flight->map_hash,
+                        flight->via_radius_m};
 }
 
 void CommandModelService::take_off_if_ready(Time now) {
@@ -304,18 +341,14 @@ void CommandModelService::take_off_if_ready(Time now) {
   next->plan_id = header.plan.id;
   next->map_hash = header.map_hash;
   next->patch_number = header.patch_number;
+  next->config = std::make_shared<const planning::PlanningConfig>(
+      planning::read_planning_config(next->route.config_text, "config of the route"));
   next->model = model;
   next->step_s = plan.trajectory.step_s;
   next->state = model_state_of(plan.trajectory.states.front());
   next->command = command_of(plan.trajectory.states.front());
   next->trajectory = std::move(plan.trajectory);
-  if (options_.plant != CommandModelOptions::Plant::kReplay) {
-    const bool is_rotor = options_.plant == CommandModelOptions::Plant::kRotor;
-    next->path = std::make_unique<command_model::PathFlight>(
-        *next->trajectory, is_rotor ? command_model::Plant(rotor_) : command_model::Plant(model),
-        options_.path_following, options_.has_feed_forward, options_.wind);
-    next->rotor_power_max_w = is_rotor ? rotor_->power_max_w() : 0.0;
-  }
+  prepare_path(*next);
   target_.reset();
   const auto joining_step =
       flight_ ? flight_->step_at(next->trajectory->states.front()) : std::nullopt;
@@ -329,10 +362,23 @@ void CommandModelService::take_off_if_ready(Time now) {
   }
 }
 
+void CommandModelService::prepare_path(Flight& flight) const {
+  if (options_.plant == CommandModelOptions::Plant::kReplay) {
+    return;
+  }
+  const bool is_rotor = options_.plant == CommandModelOptions::Plant::kRotor;
+  flight.path = std::make_unique<command_model::PathFlight>(
+      *flight.trajectory,
+      is_rotor ? command_model::Plant(rotor_) : command_model::Plant(flight.model),
+      options_.path_following, options_.has_feed_forward, options_.wind);
+  flight.rotor_power_max_w = is_rotor ? rotor_->power_max_w() : 0.0;
+}
+
 void CommandModelService::begin(std::unique_ptr<Flight> flight, Time start) {
   next_flight_.reset();
   flight_ = std::move(flight);
   flight_->start = start;
+  reaction_.begin_flight(flight_->patch_number);
   flown_plan_ = flight_->plan_id;
   loop_.set_state(ServiceState::kWorking, flight_->text());
   publish_state(*flight_);
@@ -342,12 +388,58 @@ void CommandModelService::join_if_there() {
   if (!next_flight_ || flight_->place() < next_flight_step_) {
     return;
   }
-  // The vehicle is what it is, whatever state the new plan begins with.
-  next_flight_->state = flight_->state;
-  if (flight_->path) {
-    next_flight_->path->take_over(*flight_->path);
-  }
+  next_flight_->continue_from(*flight_, options_.reaction.heading_rate_max_radps);
   begin(std::move(next_flight_), flight_->time_of(flight_->step_number));
+}
+
+void CommandModelService::react_to_news(Time now) {
+  if (!flight_ || !flight_->trajectory || !reaction_.has_news(now)) {
+    return;
+  }
+  const planning::FlightUnderPlan under_plan{&*flight_->trajectory, flight_->place(),
+                                             flight_->state, flight_->command.heading_math_rad};
+  auto answer = reaction_.answer(now, flight_->route.map.crs_wkt, *flight_->config, under_plan);
+  if (!answer || answer->reaction.kind == planning::ReactionKind::kNone) {
+    return;
+  }
+  planning::Reaction& reaction = answer->reaction;
+  auto next = std::make_unique<Flight>();
+  next->request_id = flight_->request_id;
+  next->plan_id = flight_->plan_id;
+  next->map_hash = flight_->map_hash;
+  next->patch_number = flight_->patch_number;
+  next->route = flight_->route;
+  next->route.request.via = via_ahead({&flight_->route, &*flight_->trajectory, flight_->place(),
+                                       flight_->map_hash, flight_->via_radius_m},
+                                      flight_->place());
+  next->config = flight_->config;
+  next->model = flight_->model;
+  next->step_s = flight_->step_s;
+  next->trajectory = std::move(reaction.trajectory);
+  next->way_out_step = reaction.way_out_step;
+  next->via_radius_m = flight_->config->demands.via_radius_m;
+  next->steps_before = flight_->steps_before + flight_->step_number;
+  next->reaction_text = "; " + answer->to_what + " has appeared: ";
+  switch (reaction.kind) {
+    case planning::ReactionKind::kAround:
+      next->reaction_text += "flies around";
+      break;
+    case planning::ReactionKind::kWayOut:
+      next->reaction_text += "climbs out";
+      break;
+    default:
+      next->reaction_text += "climbs out, nearer to the ground than is required";
+      break;
+  }
+  prepare_path(*next);
+  next->continue_from(*flight_, options_.reaction.heading_rate_max_radps);
+  next->command = command_of(next->trajectory->states.front());
+  next->start = flight_->time_of(flight_->step_number);
+  next_flight_.reset();  // planned without what has appeared
+  flight_ = std::move(next);
+  std::fprintf(stderr, "flight of request %.8s%s\n", flight_->request_id.hex().c_str(),
+               flight_->reaction_text.c_str());
+  loop_.set_state(ServiceState::kWorking, flight_->text());
 }
 
 void CommandModelService::answer_lockstep() {
@@ -413,7 +505,10 @@ void CommandModelService::fly(Time now) {
       flight.command = flight.path->command();
       publish_state(flight);
       if (flight.path->is_over()) {
-        end_flight((flight.path->has_arrived() ? "arrived: " : "did not arrive: ") + flight.text());
+        end_flight((flight.is_on_way_out()       ? "nobody planned again: "
+                    : flight.path->has_arrived() ? "arrived: "
+                                                 : "did not arrive: ") +
+                   flight.text());
         return;
       }
       if (flight.step_number % 20 == 0) {
@@ -425,13 +520,19 @@ void CommandModelService::fly(Time now) {
     ++flight.step_number;
     if (flight.trajectory) {
       flight.note_deviation();
+      const double before_rad = flight.command.heading_math_rad;
       flight.command =
           command_of(flight.trajectory->states[static_cast<std::size_t>(flight.step_number)]);
+      if (flight.is_heading_limited) {
+        flight.command.heading_math_rad = command_model::limited_heading_rad(
+            before_rad, flight.command.heading_math_rad,
+            options_.reaction.heading_rate_max_radps * flight.step_s);
+      }
     }
     publish_state(flight);
     if (flight.trajectory &&
         flight.step_number + 1 == static_cast<std::int64_t>(flight.trajectory->states.size())) {
-      end_flight("arrived: " + flight.text());
+      end_flight((flight.is_on_way_out() ? "nobody planned again: " : "arrived: ") + flight.text());
       return;
     }
     if (flight.trajectory && flight.step_number % 20 == 0) {
@@ -449,8 +550,8 @@ void CommandModelService::end_flight(const std::string& text) {
 void CommandModelService::publish_state(const Flight& flight) {
   messages::VehicleState message;
   message.request_id = flight.request_id;
-  message.step_number = flight.step_number;
-  message.flight_time_s = static_cast<double>(flight.step_number) * flight.step_s;
+  message.step_number = flight.steps_before + flight.step_number;
+  message.flight_time_s = static_cast<double>(message.step_number) * flight.step_s;
   message.state = flight.state;
   message.command = flight.command;
   if (flight.trajectory) {

@@ -15,6 +15,7 @@
 #include "command_model/command_model.hpp"
 #include "command_model/path_flight.hpp"
 #include "flight/plan.hpp"
+#include "flight_reaction.hpp"
 #include "flight_replanner.hpp"
 #include "messages/plan_messages.hpp"
 #include "messages/vehicle_messages.hpp"
@@ -27,6 +28,7 @@ struct CommandModelOptions {
   double target_age_max_s = 0.0;  // a real-time target is held this long, then the flight ends
   int catch_up_steps_max = 0;     // steps in one tick when the process was held up
   double replan_lead_s = 0.0;     // see FlightReplanner
+  planning::ReactionOptions reaction;
   enum class Plant : std::uint8_t { kReplay, kClosedLoop, kRotor };
   Plant plant = Plant::kReplay;
   bool has_feed_forward = false;
@@ -49,7 +51,10 @@ std::shared_ptr<const command_model::RotorPlant> shipped_rotor();
 ///
 /// A trajectory that begins on the path still ahead takes over where it begins; any other one at
 /// once. So a flight whose map has changed is planned again from a place ahead, see
-/// FlightReplanner, and flown on without a stop.
+/// FlightReplanner, and flown on without a stop. Until then it reacts to what has appeared by
+/// itself from the next step on, see FlightReaction.
+/// In a reaction, and where another trajectory takes over in flight, the
+/// commanded heading changes no faster than heading_rate_max_radps.
 ///
 /// Which vehicle it is says the config of the request, which comes with the route.
 class CommandModelService {
@@ -65,14 +70,17 @@ class CommandModelService {
  private:
   struct Flight;
   using Model = std::shared_ptr<const command_model::CommandModel>;
+  using Config = std::shared_ptr<const planning::PlanningConfig>;
 
   void receive(const messages::VehicleTarget& target);
   void remember_route(const Hash128& request_id, const messages::BlobRef& route);
   /// The vehicle of a request; nullptr while its route has not arrived.
   [[nodiscard]] Model model_of(const Hash128& request_id);
   void take_off_if_ready(Time now);
+  void prepare_path(Flight& flight) const;
   void begin(std::unique_ptr<Flight> flight, Time start);
   void join_if_there();
+  void react_to_news(Time now);
   [[nodiscard]] std::optional<FlightUnderWay> newest_flight() const;
   void answer_lockstep();
   void take_over_if_targeted(Time now);
@@ -97,6 +105,7 @@ class CommandModelService {
   std::unique_ptr<Flight> next_flight_;  // takes over where it begins on the path of flight_
   std::size_t next_flight_step_ = 0;     // of flight_
   FlightReplanner replanner_;
+  FlightReaction reaction_;
 };
 
 }  // namespace hedgehop::services

@@ -32,6 +32,23 @@ std::size_t nearest_step(const std::vector<flight::FlightState>& states,
 
 }  // namespace
 
+std::vector<flight::RequestPoint> via_ahead(const FlightUnderWay& flight, std::size_t step) {
+  const auto& states = flight.trajectory->states;
+  const geo::MapProjection projection(flight.route->map.crs_wkt);
+  const auto is_ahead = [&](const flight::RequestPoint& via) {
+    const geo::MapPoint point = projection.to_map(via.position);
+    const std::size_t nearest = nearest_step(states, point);
+    const flight::FlightState& there = states[nearest];
+    const double dx_m = there.x_m - point.x_m;
+    const double dy_m = there.y_m - point.y_m;
+    const bool is_far = flight.via_radius_m > 0.0 &&
+                        dx_m * dx_m + dy_m * dy_m > flight.via_radius_m * flight.via_radius_m;
+    return nearest > step || is_far;
+  };
+  const auto& via = flight.route->request.via;
+  return {std::find_if(via.begin(), via.end(), is_ahead), via.end()};
+}
+
 std::optional<flight::PlanRequest> rest_of_flight(const FlightUnderWay& flight, std::size_t step) {
   const auto& states = flight.trajectory->states;
   const flight::FlightState& state = states.at(step);
@@ -43,11 +60,7 @@ std::optional<flight::PlanRequest> rest_of_flight(const FlightUnderWay& flight, 
   request.start.position = projection.to_geodetic({state.x_m, state.y_m});
   request.start.height_m = state.altitude_m - state.surface_m;
   request.start_heading_true_rad = state.heading_true_rad;
-  const auto ahead =
-      std::find_if(request.via.begin(), request.via.end(), [&](const flight::RequestPoint& via) {
-        return nearest_step(states, projection.to_map(via.position)) > step;
-      });
-  request.via.erase(request.via.begin(), ahead);
+  request.via = via_ahead(flight, step);
   return request;
 }
 

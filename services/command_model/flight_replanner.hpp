@@ -3,6 +3,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "base/time.hpp"
 #include "bus/blob_exchange.hpp"
@@ -19,7 +20,13 @@ struct FlightUnderWay {
   const flight::Trajectory* trajectory = nullptr;
   std::size_t step = 0;  // of the trajectory, where the vehicle is
   Hash128 map_hash;      // that it was planned on
+  // Of a trajectory that is a reaction, via points that were ahead when it began are behind where
+  // it has come so near to them; 0 for a plan.
+  double via_radius_m = 0.0;
 };
+
+/// The via points of the request that the flight has not passed by at that step.
+std::vector<flight::RequestPoint> via_ahead(const FlightUnderWay& flight, std::size_t step);
 
 /// The request for the rest of a flight, from the state of `step` on: place, height and heading are
 /// those of that state; via points that the flight has passed by then are left out; everything else

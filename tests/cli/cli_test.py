@@ -744,6 +744,7 @@ class ExitCodes(CliTest):
         "evaluate table2": (["--map", "none"], 5),
         "evaluate local-safety": (["--map", "none"], 5),
         "evaluate optimality": (["--map", "none"], 5),
+        "evaluate reaction": (["--map", "none"], 5),
         "evaluate replanning": (["--map", "none"], 5),
         "evaluate local-speed": (["--threads", "0"], 2),
         "evaluate verifier": (["--map", "none"], 5),
@@ -1244,7 +1245,7 @@ class Json(CliTest):
         self.assertEqual(found["seed"], 5)
         self.assertGreaterEqual(found["problems"][0]["distance_m"], 8000.0)
 
-    def test_evaluate_table2_and_local_safety(self):
+    def test_evaluate_table2_local_safety_and_reaction(self):
         area = self.work / "area"
         result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
         self.assertEqual(result.returncode, 0, result.stderr)
@@ -1272,6 +1273,13 @@ class Json(CliTest):
         refused = self.hedgehop("evaluate", "local-safety", "--flights", "1", "--planner", "nobody", *common)
         self.assertEqual(refused.returncode, 2)
         self.assertIn("'nobody'", refused.stderr)
+        reaction = self.one_object("evaluate", "reaction", "--events", "6", *common)
+        self.assertEqual([kind["kind"] for kind in reaction["kinds"]], ["obstacle", "threat", "area"])
+        self.assertEqual([kind["events"] for kind in reaction["kinds"]], [2, 2, 2])
+        for kind in reaction["kinds"]:
+            self.assertEqual(sum(kind["reactions"].values()), 2)
+            self.assertLessEqual(kind["heading_step_max_deg"], reaction["heading_step_limit_deg"] + 1e-6)
+            self.assertEqual(kind["unsafe"], sum(not row["safe"] for row in reaction["rows"] if row["kind"] == kind["kind"]))
 
     def test_plan_within_a_risk(self):
         errors = ("--dem-error-m", "3", "--error-seed", "7")

@@ -28,6 +28,7 @@
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation/protection_evaluation.hpp"
 #include "evaluation/random_evaluation.hpp"
+#include "evaluation/reaction_evaluation.hpp"
 #include "evaluation/replanning_evaluation.hpp"
 #include "evaluation/sensitivity.hpp"
 #include "evaluation/verifier_evaluation.hpp"
@@ -88,6 +89,8 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_local_safety_options(safety);
   ConfigReader optimality = reader.required_section("optimality");
   evaluation::read_optimality_config(optimality);
+  ConfigReader reaction = reader.required_section("reaction");
+  evaluation::read_reaction_evaluation_options(reaction);
   ConfigReader replanning = reader.required_section("replanning");
   evaluation::read_replanning_options(replanning);
   ConfigReader verifier = reader.required_section("verifier");

@@ -1,8 +1,10 @@
+#include <cmath>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <limits>
 #include <thread>
 
+#include "base/angles.hpp"
 #include "base/errors.hpp"
 #include "output/plan_bundle.hpp"
 #include "planning/planning.hpp"
@@ -331,6 +333,62 @@ TEST_F(MapPatchService, AFlightUnderWayIsPlannedAgainFromAheadAndFlownOnWithoutA
     EXPECT_FALSE(state.x_m > test::kUtmWest_m + 3500.0 && state.x_m < test::kUtmWest_m + 3900.0 &&
                  state.y_m > test::kUtmSouth_m + 1400.0 && state.y_m < test::kUtmSouth_m + 3200.0);
   }
+}
+
+// Nobody plans again here: what happens, the flight does by itself.
+TEST_F(MapPatchService, WhatAppearsAheadChangesTheNextStepAndNoCommandedHeadingJumps) {
+  chain_.add_map_tiler(hills());
+  chain_.add_global_planner();
+  chain_.add_local_planner();
+  services::CommandModelOptions options = test::InProcessChain::shipped_command_model();
+  options.replan_lead_s = 0.0;
+  chain_.add_command_model(options);
+  std::string said;
+  chain_.listener().bus.subscribe<messages::ServiceStatus>(
+      messages::kServiceStatusChannel,
+      [&](const messages::ServiceStatus& status, const messages::Stamp&) {
+        said = status.name == "command_model" ? status.text : said;
+      });
+  const auto config =
+      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
+  chain_.ask(test::across_the_hills(hills()), hills().hash, config.text);
+  ASSERT_TRUE(chain_.turn_until(
+      [&] { return chain_.vehicle_states.size() >= 20 && chain_.plan().has_value(); }));
+  const std::vector<flight::FlightState> plan = chain_.plan()->trajectory.states;
+
+  // A mast on the path, 400 m ahead: within what rollouts look at.
+  map::Patch mast = crane(70);
+  mast.height_m = 170.0;
+  mast.centre =
+      plan.at(static_cast<std::size_t>(chain_.vehicle_states.back().step_number) + 200).point();
+  const std::size_t before = chain_.vehicle_states.size();
+  publish(unnumbered(mast));
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.vehicle_states.size() >= before + 40; }));
+
+  std::size_t first_changed = 0;
+  for (std::size_t i = before - 10; i < before + 40; ++i) {
+    const messages::VehicleState& state = chain_.vehicle_states[i];
+    const flight::FlightState& planned = plan.at(static_cast<std::size_t>(state.step_number));
+    const double planned_rad = math_angle_from_azimuth_rad(
+        grid_from_true_azimuth_rad(planned.commanded_heading_true_rad, planned.convergence_rad));
+    const double turned_rad = std::fabs(wrap_to_pi(state.command.heading_math_rad - planned_rad));
+    if (first_changed == 0 && turned_rad > 1e-6) {
+      first_changed = i;
+    }
+    const messages::VehicleState& last = chain_.vehicle_states[i - 1];
+    EXPECT_EQ(state.step_number, last.step_number + 1);
+    EXPECT_LE(std::fabs(wrap_to_pi(state.command.heading_math_rad - last.command.heading_math_rad)),
+              options.reaction.heading_rate_max_radps * 0.05 + 1e-9)
+        << i;
+    EXPECT_NEAR(std::hypot(state.state.x_m - last.state.x_m, state.state.y_m - last.state.y_m), 2.0,
+                0.7)
+        << i;
+  }
+  // A state may have been on its way before the patch was.
+  EXPECT_GE(first_changed, before);
+  EXPECT_LE(first_changed, before + 2);
+  EXPECT_TRUE(chain_.turn_until([&] { return said.find("has appeared") != std::string::npos; }))
+      << said;
 }
 
 TEST(RestOfFlight, ViaPointsThatHaveBeenPassedAreLeftOutAndTheRestIsAsItWasAskedFor) {
