@@ -29,8 +29,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "cli"))
 sys.dont_write_bytecode = True
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))]
-# Written by scripts that run the commands on them: scripts/gallery, scripts/reproduce_paper.
-MADE_BY_SCRIPTS = ["docs/gallery/README.md", "docs/results.md"]
+# Written by scripts that run the commands on them: scripts/gallery, scripts/local_figures,
+# scripts/reproduce_paper.
+MADE_BY_SCRIPTS = ["docs/gallery/README.md", "docs/local_figures/README.md", "docs/results.md"]
 COMMAND = re.compile(r"^(\$ |\w+\$ )?(\./)?(scripts/\w|hedgehop(-[a-z-]+)? |cmake |ctest |git clone|lcm-\w+ |export |build/)")
 LABELS = re.compile(r"^<!-- (build|output|bus|exit code any|not run: .{15,}) -->$")
 

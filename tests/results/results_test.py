@@ -103,10 +103,40 @@ def gallery_has_all_it_names(program):
               "the gallery's numbers are not those of a fresh plan; run scripts/gallery")
 
 
+def local_figures_are_those_of_fresh_flights(program):
+    page = (ROOT / "docs/local_figures/README.md").read_text(encoding="utf-8")
+    for picture in re.findall(r"\]\((.*?\.png)\)", page):
+        check((ROOT / "docs/local_figures" / picture).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n", f"{picture} is no picture")
+    with tempfile.TemporaryDirectory() as folder:
+        work = pathlib.Path(folder)
+        for command in ([program, "demo", "--out", work / "demo", "-q"],
+                        [sys.executable, ROOT / "scripts/local_figures.py", "--build", pathlib.Path(program).parent,
+                         "--map", work / "demo/map", "--out", work / "figures"]):
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            check(done.returncode == 0, f"{command}: {done.stderr}")
+        fresh = (work / "figures/README.md").read_text(encoding="utf-8")
+        check(sections(fresh) == sections(page), "docs/local_figures has other sections than a fresh page")
+        for picture in ("histogram.png", "guided.png", "weights.png"):
+            check((work / "figures" / picture).stat().st_size > 20000, f"{picture} is no picture")
+        # The flights past the strip need no map: they are the same ones.
+        weights = page[page.index("## Growing weight"):]
+        check(weights == fresh[fresh.index("## Growing weight"):], "docs/local_figures is old; run scripts/local_figures")
+        least, last, share = re.search(r"of [0-9.]+, (\d+) m; at [0-9.]+ it is (\d+) m,.*?have (\d+) % of the power", weights,
+                                       re.S).groups()
+        check(int(last) > 1.1 * int(least), "too large a weight adds to the risk")
+        check(int(share) < 80, "passes smooth the flight")
+        free, all_sectors = map(int, re.search(r"(\d+) of (\d+) may be flown", page).groups())
+        check(0 < free < all_sectors, "some directions may be flown, some may not")
+        heights = re.findall(r"^\| (?:purely local|guided) \| [0-9.]+ \| (\d+) \| (\d+) \|$", page, re.M)
+        check(len(heights) == 2 and int(heights[1][0]) < int(heights[0][0]) and int(heights[1][1]) < int(heights[0][1]),
+              "the guided flight is lower and less seen")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--program", required=True)
-    parser.add_argument("test", choices=["small_version_has_every_section_and_sane_values", "gallery_has_all_it_names"])
+    parser.add_argument("test", choices=["small_version_has_every_section_and_sane_values", "gallery_has_all_it_names",
+                                         "local_figures_are_those_of_fresh_flights"])
     arguments = parser.parse_args()
     globals()[arguments.test](arguments.program)
 
