@@ -17,8 +17,9 @@ PlanningConfig config_with(const std::string& text, const std::vector<std::strin
   return planning::read_planning_config(changed, "planning config with settings of an evaluation");
 }
 
-std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningConfig& config,
-                                 const DrawnRoute& route, const Observer& observer) {
+namespace {
+
+planning::RouteTask task_of(const PlanningConfig& config, const DrawnRoute& route) {
   planning::RouteTask task;
   task.start = route.start;
   task.goal = route.goal;
@@ -26,11 +27,29 @@ std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningCon
   task.held = {route.goal};
   task.speed_mps = config.speed_mps;
   task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle.limits);
-  CrowdObserver crowd(observer);
-  auto answer = planning::fly_route(costs, config, task, {}, crowd);
+  return task;
+}
+
+std::optional<RouteFlight> flight_of(std::variant<RouteFlight, flight::NoPlan> answer,
+                                     const Observer& observer) {
   observer.check_stop();
   auto* flight = std::get_if<RouteFlight>(&answer);
   return flight != nullptr ? std::optional(std::move(*flight)) : std::nullopt;
+}
+
+}  // namespace
+
+std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningConfig& config,
+                                 const DrawnRoute& route, const Observer& observer) {
+  CrowdObserver crowd(observer);
+  return flight_of(planning::fly_route(costs, config, task_of(config, route), {}, crowd), observer);
+}
+
+std::optional<RouteFlight> flown(const planning::RouteGrounds& grounds,
+                                 const PlanningConfig& config, const DrawnRoute& route,
+                                 const Observer& observer) {
+  CrowdObserver crowd(observer);
+  return flight_of(planning::fly_route(grounds, config, task_of(config, route), crowd), observer);
 }
 
 }  // namespace hedgehop::evaluation

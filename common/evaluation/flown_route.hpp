@@ -19,4 +19,9 @@ std::optional<planning::RouteFlight> flown(const risk::CostModel& costs,
                                            const planning::PlanningConfig& config,
                                            const DrawnRoute& route, const Observer& observer);
 
+/// The same on grounds that were made for config.local.
+std::optional<planning::RouteFlight> flown(const planning::RouteGrounds& grounds,
+                                           const planning::PlanningConfig& config,
+                                           const DrawnRoute& route, const Observer& observer);
+
 }  // namespace hedgehop::evaluation

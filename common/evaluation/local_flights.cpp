@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <oneapi/tbb/parallel_for.h>
 #include <optional>
 
@@ -143,26 +144,35 @@ SafetyOutcome safety_of(const std::optional<RouteFlight>& flight,
   return outcome;
 }
 
-// What flying over one map costs, made once for all rows that differ in the local planner alone.
-class SharedCosts {
+// What flying over one map costs, and the ground that flights look at, made once for all rows that
+// have it in common.
+class SharedGrounds {
  public:
-  SharedCosts(const map::Map& map, const std::vector<PlanningConfig>& configs,
-              const std::vector<std::size_t>& first_alike)
+  SharedGrounds(const map::Map& map, const std::vector<PlanningConfig>& configs,
+                const std::vector<std::size_t>& first_alike)
       : map_(map), configs_(configs), first_alike_(first_alike), made_(configs.size()) {}
 
-  const risk::CostModel& of(std::size_t row) {
-    std::optional<risk::CostModel>& made = made_[first_alike_[row]];
+  void make(std::size_t row) {
+    std::unique_ptr<Made>& made = made_[first_alike_[row]];
     if (!made) {
-      made.emplace(planning::cost_model(map_, configs_[row]));
+      made = std::make_unique<Made>(planning::cost_model(map_, configs_[row]));
     }
-    return *made;
+    made->grounds.make(configs_[row].local);
+  }
+  [[nodiscard]] const planning::RouteGrounds& of(std::size_t row) const {
+    return made_[first_alike_[row]]->grounds;
   }
 
  private:
+  struct Made {
+    explicit Made(risk::CostModel of) : costs(std::move(of)) {}
+    risk::CostModel costs;
+    planning::RouteGrounds grounds{costs};
+  };
   const map::Map& map_;
   const std::vector<PlanningConfig>& configs_;
   const std::vector<std::size_t>& first_alike_;
-  std::vector<std::optional<risk::CostModel>> made_;
+  std::vector<std::unique_ptr<Made>> made_;
 };
 
 // For each config the first one that is the same but for its section local.
@@ -306,6 +316,10 @@ Table2Result evaluate_table2(const map::Map& map, const PlanningConfig& config,
   const PlanningConfig plain_config = config_with(config.text, options.plain_settings);
   const PlanningConfig lateral_config = config_with(config.text, options.lateral_settings);
   const risk::CostModel costs = planning::cost_model(map, config);
+  planning::RouteGrounds grounds(costs);
+  for (const PlanningConfig* of : {&plain_config, &lateral_config, &config}) {
+    grounds.make(of->local);
+  }
   const std::size_t count = routes.routes.size();
   std::vector<Outcome> plain(count);
   std::vector<Outcome> lateral(count);
@@ -314,9 +328,9 @@ Table2Result evaluate_table2(const map::Map& map, const PlanningConfig& config,
   std::atomic<std::size_t> done{0};
   for_each_until_stopped(count, is_done, observer, [&](std::size_t i) {
     const DrawnRoute& route = routes.routes[i];
-    plain[i] = outcome_of(flown(costs, plain_config, route, observer));
-    lateral[i] = outcome_of(flown(costs, lateral_config, route, observer));
-    optimised[i] = outcome_of(flown(costs, config, route, observer));
+    plain[i] = outcome_of(flown(grounds, plain_config, route, observer));
+    lateral[i] = outcome_of(flown(grounds, lateral_config, route, observer));
+    optimised[i] = outcome_of(flown(grounds, config, route, observer));
     observer.progress("flights", static_cast<double>(++done), static_cast<double>(count));
   });
   keep_done(is_done, plain);
@@ -378,10 +392,10 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
     configs.push_back(config_with(config_text, row.settings));
   }
   const std::vector<std::size_t> alike = first_alike(configs);
-  SharedCosts bare_costs(map, configs, alike);
+  SharedGrounds bare(map, configs, alike);
   for (std::size_t r = 0; r < configs.size(); ++r) {
     if (!options.rows[r].has_towers) {
-      bare_costs.of(r);  // before the threads that share it
+      bare.make(r);  // before the threads that share it
     }
   }
   const std::size_t count = routes.routes.size();
@@ -394,19 +408,22 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
     const DrawnRoute& route = routes.routes[i];
     std::optional<map::Map> with_towers;
     std::optional<raster::Grid<std::uint8_t>> near;
-    std::optional<SharedCosts> tower_costs;
+    std::optional<SharedGrounds> among_towers;
     for (std::size_t r = 0; r < options.rows.size(); ++r) {
       if (options.rows[r].has_towers && !with_towers) {
         with_towers = map;
         const auto towers = add_towers(*with_towers, options, route,
                                        seed + static_cast<std::uint64_t>(route.problem));
         near = near_towers(map.geometry, towers, options.tower_near_m);
-        tower_costs.emplace(*with_towers, configs, alike);
+        among_towers.emplace(*with_towers, configs, alike);
       }
       const bool has_towers = options.rows[r].has_towers;
-      const risk::CostModel& costs = has_towers ? tower_costs->of(r) : bare_costs.of(r);
+      if (has_towers) {
+        among_towers->make(r);
+      }
+      const planning::RouteGrounds& grounds = has_towers ? among_towers->of(r) : bare.of(r);
       outcomes[r][i] =
-          safety_of(flown(costs, configs[r], route, observer), has_towers ? *near : no_towers,
+          safety_of(flown(grounds, configs[r], route, observer), has_towers ? *near : no_towers,
                     configs[r].demands.ceiling_height_m);
     }
     observer.progress("flights", static_cast<double>(++done), static_cast<double>(count));

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "base/angles.hpp"
+#include "base/errors.hpp"
 #include "local_planning/flight_cost.hpp"
 #include "local_planning/vertical_pass.hpp"
 
@@ -67,17 +68,21 @@ bool is_cheaper(const Candidate& a, const Candidate& b) {
 // Flies the route at one speed in each way that the config allows, cheapest first. Nothing but the
 // reason if none arrives or the observer stops it.
 std::variant<std::vector<Candidate>, NoPlan> flown_at(
-    double speed_mps, const risk::CostModel& costs, const PlanningConfig& config,
-    const RouteTask& task, const local_planning::StepModel& step_model, Observer& observer,
+    double speed_mps, const risk::CostModel& costs, const RouteGrounds* grounds,
+    const PlanningConfig& config, const RouteTask& task,
+    const local_planning::StepModel& step_model, Observer& observer,
     const local_planning::DecisionWatch& watch) {
   const local_planning::LocalOptions& local = config.local;
   const command_model::CommandModel model(config.vehicle);
   std::vector<Candidate> candidates;
   std::optional<NoPlan> no_plan;
   const auto fly = [&](const local_planning::LocalOptions& options, bool is_following) {
-    auto flown = local_planning::fly_along(costs, config.vehicle, options, task.guide, task.initial,
-                                           speed_mps, step_model, observer,
-                                           local_planning::Kernel::kBest, watch);
+    const auto fly_on = [&](const auto& ground) {
+      return local_planning::fly_along(ground, config.vehicle, options, task.guide, task.initial,
+                                       speed_mps, step_model, observer,
+                                       local_planning::Kernel::kBest, watch);
+    };
+    auto flown = grounds != nullptr ? fly_on(grounds->of(options)) : fly_on(costs);
     if (auto* stuck = std::get_if<NoPlan>(&flown)) {
       if (!no_plan || stuck->cause == flight::NoPlanCause::kStopped) {
         no_plan = std::move(*stuck);
@@ -108,13 +113,10 @@ std::variant<std::vector<Candidate>, NoPlan> flown_at(
   return candidates;
 }
 
-}  // namespace
-
-std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
-                                            const PlanningConfig& config, const RouteTask& task,
-                                            const local_planning::StepModel& step_model,
-                                            Observer& observer,
-                                            const local_planning::DecisionWatch& watch) {
+std::variant<RouteFlight, NoPlan> flown_and_checked(
+    const risk::CostModel& costs, const RouteGrounds* grounds, const PlanningConfig& config,
+    const RouteTask& task, const local_planning::StepModel& step_model, Observer& observer,
+    const local_planning::DecisionWatch& watch) {
   const geo::MapProjection projection(costs.map().crs_wkt);
   std::vector<double> speeds_mps{task.speed_mps};
   for (const double speed_mps : config.local.retry_speeds_mps) {
@@ -125,7 +127,7 @@ std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
   std::optional<RouteFlight> best;
   std::optional<NoPlan> no_plan;
   for (const double speed_mps : speeds_mps) {
-    auto flown = flown_at(speed_mps, costs, config, task, step_model, observer, watch);
+    auto flown = flown_at(speed_mps, costs, grounds, config, task, step_model, observer, watch);
     if (auto* none = std::get_if<NoPlan>(&flown)) {
       if (none->cause == flight::NoPlanCause::kStopped) {
         return std::move(*none);
@@ -163,6 +165,70 @@ std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
   }
   best->measures = costs.measures(best->trajectory, config.demands.ceiling_height_m);
   return std::move(*best);
+}
+
+// Whether local_ground() of both is the same.
+bool has_same_ground(const local_planning::LocalOptions& a, const local_planning::LocalOptions& b) {
+  const auto is_rollout = [](const local_planning::LocalOptions& options) {
+    return options.mode == local_planning::LocalMode::kRollout;
+  };
+  const bool has_same_layers = a.window_m == b.window_m && a.safety_radius_m == b.safety_radius_m &&
+                               a.semantics_weight == b.semantics_weight &&
+                               a.visibility_weight == b.visibility_weight;
+  if (is_rollout(a) || is_rollout(b)) {
+    return has_same_layers && is_rollout(a) && is_rollout(b);
+  }
+  return has_same_layers && a.passes == b.passes && a.window_shrink_m == b.window_shrink_m &&
+         a.sectors == b.sectors && a.safety_height_m == b.safety_height_m &&
+         a.near_distance_m == b.near_distance_m &&
+         a.truncation_angle_rad == b.truncation_angle_rad &&
+         a.truncation_distance_m == b.truncation_distance_m &&
+         a.arc_radius_max_factor == b.arc_radius_max_factor && a.is_arc_widened == b.is_arc_widened;
+}
+
+}  // namespace
+
+const RouteGrounds::Made* RouteGrounds::find(const local_planning::LocalOptions& options) const {
+  for (const auto& made : made_) {
+    if (has_same_ground(made->options, options)) {
+      return made.get();
+    }
+  }
+  return nullptr;
+}
+
+void RouteGrounds::make(const local_planning::LocalOptions& options) {
+  const auto make_one = [this](const local_planning::LocalOptions& of) {
+    if (find(of) == nullptr) {
+      made_.push_back(
+          std::make_unique<const Made>(Made{of, local_planning::local_ground(*costs_, of)}));
+    }
+  };
+  make_one(options);
+  if (options.is_compared_with_following) {
+    make_one(local_planning::following_options(options));
+  }
+}
+
+const local_planning::LocalGround& RouteGrounds::of(
+    const local_planning::LocalOptions& options) const {
+  const Made* made = find(options);
+  HEDGEHOP_ASSERT(made != nullptr);
+  return made->ground;
+}
+
+std::variant<RouteFlight, NoPlan> fly_route(const risk::CostModel& costs,
+                                            const PlanningConfig& config, const RouteTask& task,
+                                            const local_planning::StepModel& step_model,
+                                            Observer& observer,
+                                            const local_planning::DecisionWatch& watch) {
+  return flown_and_checked(costs, nullptr, config, task, step_model, observer, watch);
+}
+
+std::variant<RouteFlight, NoPlan> fly_route(const RouteGrounds& grounds,
+                                            const PlanningConfig& config, const RouteTask& task,
+                                            Observer& observer) {
+  return flown_and_checked(grounds.costs(), &grounds, config, task, {}, observer, {});
 }
 
 }  // namespace hedgehop::planning

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <variant>
 #include <vector>
 
@@ -33,6 +34,30 @@ struct RouteFlight {
   std::int64_t infeasible_decisions = 0;
 };
 
+/// Grounds for many flights on one map, each made once; see local_planning::local_ground().
+class RouteGrounds {
+ public:
+  /// Keeps a pointer.
+  explicit RouteGrounds(const risk::CostModel& costs) : costs_(&costs) {}
+
+  /// Makes what flights with these options need.
+  void make(const local_planning::LocalOptions& options);
+  /// Of options that make() knew. Safe to call from several threads.
+  [[nodiscard]] const local_planning::LocalGround& of(
+      const local_planning::LocalOptions& options) const;
+  [[nodiscard]] const risk::CostModel& costs() const { return *costs_; }
+
+ private:
+  struct Made {
+    local_planning::LocalOptions options;
+    local_planning::LocalGround ground;
+  };
+  [[nodiscard]] const Made* find(const local_planning::LocalOptions& options) const;
+
+  const risk::CostModel* costs_;
+  std::vector<std::unique_ptr<const Made>> made_;
+};
+
 /// Flies a route in each way that the config allows and returns the cheapest flight that verifies:
 /// optimised locally, and if `compare_with_following` says so following the guide plainly; each
 /// lowered by the vertical pass if that is used, and as it was.
@@ -46,6 +71,11 @@ std::variant<RouteFlight, flight::NoPlan> fly_route(
     const risk::CostModel& costs, const PlanningConfig& config, const RouteTask& task,
     const local_planning::StepModel& step_model, Observer& observer,
     const local_planning::DecisionWatch& watch = {});
+
+/// The same for many flights on one map.
+std::variant<RouteFlight, flight::NoPlan> fly_route(const RouteGrounds& grounds,
+                                                    const PlanningConfig& config,
+                                                    const RouteTask& task, Observer& observer);
 
 /// A flight in the terms of a plan, with the ground below it.
 flight::Trajectory trajectory_of(const local_planning::Flight& flight, const map::Map& map,

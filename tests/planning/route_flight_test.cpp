@@ -197,5 +197,37 @@ TEST(RouteFlight, StopRequestEndsItWithItsCause) {
   EXPECT_EQ(std::get<flight::NoPlan>(answer).cause, flight::NoPlanCause::kStopped);
 }
 
+TEST(RouteFlight, GroundsThatFlightsShareChangeNoneOfThem) {
+  const map::Map map =
+      seen_hills([](int column, int) { return column % 40 < 20 ? 0.6 : 0.1; }, 25.0);
+  const std::vector<PlanningConfig> configs{
+      config_with({}), config_with({"local.mode=rollout"}),
+      config_with({"local.mode=vfh_3d", "local.compare_with_following=false"}),
+      config_with({"local.window_m=450", "local.passes=2"}),
+      config_with({"local.weights.visibility=2.5"})};
+  const risk::CostModel costs = cost_model(map, configs[0]);
+  RouteGrounds grounds(costs);
+  for (const PlanningConfig& config : configs) {
+    grounds.make(config.local);
+  }
+  EXPECT_EQ(&grounds.of(configs[0].local), &grounds.of(configs[2].local));
+  EXPECT_NE(&grounds.of(configs[0].local), &grounds.of(configs[1].local));
+  EXPECT_NE(&grounds.of(configs[0].local), &grounds.of(configs[3].local));
+  EXPECT_NE(&grounds.of(configs[0].local), &grounds.of(configs[4].local));
+  SilentObserver observer;
+  for (const PlanningConfig& config : {configs[1], configs[2]}) {
+    const RouteTask task = straight_task(map, config);
+    const auto alone = std::get<RouteFlight>(fly_route(costs, config, task, {}, observer));
+    const auto shared = std::get<RouteFlight>(fly_route(grounds, config, task, observer));
+    EXPECT_EQ(shared.cost_m, alone.cost_m);
+    ASSERT_EQ(shared.trajectory.states.size(), alone.trajectory.states.size());
+    for (std::size_t i = 0; i < alone.trajectory.states.size(); i += 7) {
+      EXPECT_EQ(shared.trajectory.states[i].x_m, alone.trajectory.states[i].x_m) << i;
+      EXPECT_EQ(shared.trajectory.states[i].y_m, alone.trajectory.states[i].y_m) << i;
+      EXPECT_EQ(shared.trajectory.states[i].altitude_m, alone.trajectory.states[i].altitude_m) << i;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace hedgehop::planning
