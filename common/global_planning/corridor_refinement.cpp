@@ -8,6 +8,7 @@
 #include <tbb/parallel_for.h>
 
 #include "global_planning/route_finish.hpp"
+#include "global_planning/track_profile.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
@@ -16,14 +17,19 @@ using flight::Waypoint;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-using Sweep = CorridorGrid;
+// One of the sweeps of refine(); the first ones look at few heights and get the lowest profile.
+struct Sweep {
+  CorridorGrid grid;
+  bool is_lowered;
+};
 // From coarse to fine; each is repeated while it pays.
-constexpr std::array<Sweep, 6> kSweeps = {{{250.0, 120.0, 30.0},
-                                           {200.0, 60.0, 15.0},
-                                           {200.0, 30.0, 8.0},
-                                           {150.0, 40.0, 8.0},
-                                           {150.0, 15.0, 4.0},
-                                           {120.0, 10.0, 3.0}}};
+constexpr std::array<Sweep, 6> kSweeps = {{{{250.0, 120.0, 30.0, true}, true},
+                                           {{200.0, 60.0, 15.0, true}, true},
+                                           {{200.0, 30.0, 8.0, true}, true},
+                                           {{150.0, 40.0, 8.0}, false},
+                                           {{150.0, 15.0, 4.0}, false},
+                                           {{120.0, 10.0, 3.0}, true}}};
+constexpr double kProfileStep_m = 10.0;
 constexpr int kRepeatsMax = 4;
 constexpr double kGainMin = 0.001;  // of the cost, else the next sweep begins
 
@@ -87,7 +93,7 @@ struct Corridors {
 
   // The grid of places around one point of the route; `fixed`: this point alone.
   static Station station_of(const FlightEnvelope& envelope, const Waypoint& before,
-                            const Waypoint& base, const Waypoint& after, const Sweep& sweep,
+                            const Waypoint& base, const Waypoint& after, const CorridorGrid& grid,
                             bool is_fixed) {
     Station station{};
     const double dx_m = after.x_m - before.x_m;
@@ -99,8 +105,8 @@ struct Corridors {
     for (int column = 0; column < kColumns; ++column) {
       const int aside = column - kAside;
       const auto first = static_cast<std::size_t>(column * kHeights);
-      const geo::MapPoint point{base.x_m + aside * sweep.aside_m * ux,
-                                base.y_m + aside * sweep.aside_m * uy};
+      const geo::MapPoint point{base.x_m + aside * grid.aside_m * ux,
+                                base.y_m + aside * grid.aside_m * uy};
       const AltitudeBand band = envelope.band_at(point);
       for (int k = 0; k < kHeights; ++k) {
         const std::size_t at = first + static_cast<std::size_t>(k);
@@ -118,7 +124,7 @@ struct Corridors {
         double altitude_m = band.low_m + kFloorSpare_m;
         if (k + 1 < kManyHeights) {
           altitude_m = std::max(altitude_m, band.low_m + (base.altitude_m - own.low_m) +
-                                                kUp[static_cast<std::size_t>(k)] * sweep.height_m);
+                                                kUp[static_cast<std::size_t>(k)] * grid.height_m);
         }
         place = {point.x_m, point.y_m, altitude_m};
         station.is_used[at] = altitude_m <= band.high_m;
@@ -451,16 +457,28 @@ void refine(const FlightEnvelope& envelope, std::int64_t work_budget, std::int64
   double best_m = envelope.route_cost_m(waypoints, kCostStep_m);
   for (const Sweep& sweep : kSweeps) {
     for (int repeat = 0; repeat < kRepeatsMax; ++repeat) {
-      if (work_units + work_of(flight::length_m(waypoints), sweep) > work_budget) {
+      if (work_units + work_of(flight::length_m(waypoints), sweep.grid) > work_budget) {
         return;
       }
       const double before_m = best_m;
-      best_m = sweep_corridor(envelope, sweep, work_budget, work_units, waypoints, best_m);
+      best_m = sweep_corridor(envelope, sweep.grid, work_budget, work_units, waypoints, best_m);
       if (on_refined(best_m, work_units)) {
         return;
       }
       if (!(before_m - best_m > kGainMin * before_m)) {
         break;
+      }
+    }
+    if (!sweep.is_lowered) {
+      continue;
+    }
+    // Altitudes of a sweep lie on a grid; along its track they can be lower still.
+    if (auto lowest = cheaper_profile(envelope, waypoints, kProfileStep_m, kCostStep_m);
+        !lowest.empty()) {
+      waypoints = std::move(lowest);
+      best_m = envelope.route_cost_m(waypoints, kCostStep_m);
+      if (on_refined(best_m, work_units)) {
+        return;
       }
     }
   }

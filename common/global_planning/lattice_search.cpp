@@ -45,10 +45,11 @@ constexpr double kEndLegMax_m = 600.0;
 // Detours stay this near to the box around both ends, and half of its longer side more.
 constexpr double kAsideMin_m = 20000.0;
 // The way ahead counts this many times: real flights cost more than the field says, and the first
-// track need not be the best, as it is refined.
-constexpr double kInflation = 1.4;
+// track need not be the best, as it is refined. With more the track is found sooner and worse.
+constexpr double kInflation = 1.2;
+constexpr double kHurriedInflation = 1.4;
 constexpr std::int64_t kStopInterval = 256;
-// The search from the start is alone for so long; most problems need less.
+// The search from the start is alone, and in no hurry, for so long; most problems need less.
 constexpr std::int64_t kAloneWork = 60000;
 
 struct Label {
@@ -120,6 +121,9 @@ class Search {
           return;
         }
       }
+      if (!is_hurried_ && work_units_ >= kAloneWork) {
+        hurry();
+      }
       std::pop_heap(queue_.begin(), queue_.end(), kIsLater);
       const Entry entry = queue_.back();
       queue_.pop_back();
@@ -157,6 +161,25 @@ class Search {
     labels_.push_back(label);
     queue_.push_back({key_m, static_cast<std::int32_t>(labels_.size() - 1)});
     std::push_heap(queue_.begin(), queue_.end(), kIsLater);
+  }
+
+  [[nodiscard]] double key_m(const Label& label, double onwards_m) const {
+    return label.cost_m + (is_hurried_ ? kHurriedInflation : kInflation) * onwards_m;
+  }
+
+  void hurry() {
+    is_hurried_ = true;
+    for (Entry& entry : queue_) {
+      const Label& label = labels_[static_cast<std::size_t>(entry.label)];
+      if (label.direction != kGoalMark) {
+        entry.key_m = key_m(label, ahead_m(place(label.column, label.row)));
+      }
+    }
+    std::make_heap(queue_.begin(), queue_.end(), kIsLater);
+  }
+
+  [[nodiscard]] double ahead_m(const geo::MapPoint& at) const {
+    return (field_ != nullptr ? *field_ : *own_field_).cost_m(at);
   }
 
   // The free first leg, to every node around the start, and straight to the goal.
@@ -212,8 +235,8 @@ class Search {
         return;
       }
     }
-    const double ahead_m = (field_ != nullptr ? *field_ : *own_field_).cost_m(b);
-    if (!(ahead_m < kInfinity)) {
+    const double onwards_m = ahead_m(b);
+    if (!(onwards_m < kInfinity)) {
       return;
     }
     std::int32_t* chain = nullptr;
@@ -259,7 +282,7 @@ class Search {
       label.next = *chain;
       *chain = static_cast<std::int32_t>(labels_.size());
     }
-    push(label, label.cost_m + kInflation * ahead_m);
+    push(label, key_m(label, onwards_m));
   }
 
   void try_goal(std::int32_t index, const Label& from) {
@@ -326,6 +349,7 @@ class Search {
   std::vector<geo::MapPoint> track_;
   double cost_m_ = kInfinity;
   std::int64_t work_units_ = 0;
+  bool is_hurried_ = false;
 };
 
 }  // namespace

@@ -182,4 +182,19 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
   return {};
 }
 
+std::vector<flight::Waypoint> cheaper_profile(const FlightEnvelope& envelope,
+                                              const std::vector<flight::Waypoint>& route,
+                                              double step_m, double compare_step_m) {
+  std::vector<geo::MapPoint> track;
+  for (const flight::Waypoint& waypoint : route) {
+    track.push_back(waypoint.point());
+  }
+  std::vector<flight::Waypoint> lowest = lowest_profile(envelope, track, step_m);
+  if (!lowest.empty() && !(envelope.route_cost_m(lowest, compare_step_m) <
+                           envelope.route_cost_m(route, compare_step_m))) {
+    lowest.clear();
+  }
+  return lowest;
+}
+
 }  // namespace hedgehop::global_planning

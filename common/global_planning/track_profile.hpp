@@ -19,4 +19,10 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
                                              const std::vector<geo::MapPoint>& track,
                                              double step_m);
 
+/// The lowest flight along a route's own ground track, if there is one that costs less than the
+/// route. Empty otherwise. Costs are compared in steps of `compare_step_m`.
+std::vector<flight::Waypoint> cheaper_profile(const FlightEnvelope& envelope,
+                                              const std::vector<flight::Waypoint>& route,
+                                              double step_m, double compare_step_m);
+
 }  // namespace hedgehop::global_planning

@@ -196,15 +196,8 @@ bool WarmPlanner::is_lawful(const std::vector<Waypoint>& route) const {
 }
 
 bool WarmPlanner::lower(std::vector<Waypoint>& route) const {
-  std::vector<geo::MapPoint> track;
-  for (const Waypoint& waypoint : route) {
-    track.push_back(waypoint.point());
-  }
-  std::vector<Waypoint> lowest = lowest_profile(envelope_, track, kProfileStep_m);
-  if (lowest.empty() ||
-      !(envelope_.route_cost_m(lowest, kCompareStep_m) <
-        envelope_.route_cost_m(route, kCompareStep_m)) ||
-      !is_lawful(lowest)) {
+  std::vector<Waypoint> lowest = cheaper_profile(envelope_, route, kProfileStep_m, kCompareStep_m);
+  if (lowest.empty() || !is_lawful(lowest)) {
     return false;
   }
   route = std::move(lowest);
