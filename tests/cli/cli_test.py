@@ -20,7 +20,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 
 import mcap_reader
@@ -577,8 +576,10 @@ class Interrupted(CliTest):
     def test_plan_that_is_stopped_twice_leaves_nothing(self):
         process = self.anytime()
         process.send_signal(signal.SIGINT)
-        time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
+        for line in process.stderr:  # two signals that have not been seen yet count as one
+            if "Ctrl-C again" in line:
+                process.send_signal(signal.SIGINT)
+                break
         out, told = process.communicate(timeout=100)
         self.assertEqual(process.returncode, 130, told)
         self.assertEqual(json.loads(out)["error"]["exit_code"], 130)
@@ -1211,7 +1212,7 @@ class Json(CliTest):
             self.assertEqual(states[i]["sequence"], i)
             self.assertEqual(states[i]["log_time"], start_ns + round(wanted["time_s"] * 1e9))
             for name in columns:
-                self.assertAlmostEqual(values[name], wanted[name], places=8, msg=name)
+                self.assertAlmostEqual(values[name], wanted[name], delta=5.1e-9, msg=name)  # half of the last of eight places
         location = json.loads(by_topic["/flight/location"][61]["data"])
         self.assertEqual(location["timestamp"], {"sec": 1777617061, "nsec": 0})
         state = json.loads(states[20 * 61]["data"])
