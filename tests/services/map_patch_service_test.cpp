@@ -391,6 +391,44 @@ TEST_F(MapPatchService, WhatAppearsAheadChangesTheNextStepAndNoCommandedHeadingJ
       << said;
 }
 
+TEST_F(MapPatchService, AFlightUnderControllersReactsWithoutAJumpToo) {
+  chain_.add_map_tiler(hills());
+  chain_.add_global_planner();
+  chain_.add_local_planner();
+  services::CommandModelOptions options = test::InProcessChain::shipped_command_model();
+  options.replan_lead_s = 0.0;
+  options.plant = services::CommandModelOptions::Plant::kClosedLoop;
+  chain_.add_command_model(options);
+  const auto config =
+      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
+  chain_.ask(test::across_the_hills(hills()), hills().hash, config.text);
+  ASSERT_TRUE(chain_.turn_until(
+      [&] { return chain_.vehicle_states.size() >= 10 && chain_.plan().has_value(); }));
+  const messages::VehicleState here = chain_.vehicle_states.back();
+  map::Patch mast = crane(70);
+  mast.height_m = 170.0;
+  mast.centre =
+      chain_.plan()->trajectory.states.at(static_cast<std::size_t>(here.step_number) + 200).point();
+  const std::size_t before = chain_.vehicle_states.size();
+  publish(unnumbered(mast));
+  ASSERT_TRUE(chain_.turn_until([&] { return chain_.vehicle_states.size() >= before + 60; }));
+  double turned_rad = 0.0;
+  for (std::size_t i = before + 2; i < before + 60; ++i) {
+    const messages::VehicleState& state = chain_.vehicle_states[i];
+    const messages::VehicleState& last = chain_.vehicle_states[i - 1];
+    EXPECT_EQ(state.step_number, last.step_number + 1);
+    EXPECT_LE(std::fabs(wrap_to_pi(state.command.heading_math_rad - last.command.heading_math_rad)),
+              options.reaction.heading_rate_max_radps * 0.05 + 1e-9)
+        << i;
+    EXPECT_NEAR(std::hypot(state.state.x_m - last.state.x_m, state.state.y_m - last.state.y_m), 2.0,
+                0.7)
+        << i;
+    turned_rad = std::max(turned_rad, std::fabs(wrap_to_pi(state.command.heading_math_rad -
+                                                           here.command.heading_math_rad)));
+  }
+  EXPECT_GT(turned_rad, 10.0 * kDegree_rad) << "three seconds after the mast has appeared";
+}
+
 TEST(RestOfFlight, ViaPointsThatHaveBeenPassedAreLeftOutAndTheRestIsAsItWasAskedFor) {
   const geo::MapProjection projection(hills().crs_wkt);
   flight::RoutePlan route;
