@@ -173,9 +173,9 @@ ModelState CommandModel::step(const ModelState& state, const Command& command,
   next.y_m = state.y_m +
              0.5 * step_s * (state.speed_mps * from.sin_heading + next.speed_mps * heading.sine);
 
-  const double error_mps =
-      std::clamp(command.climb_rate_mps, -limits.descent_rate_max_mps, limits.climb_rate_max_mps) -
-      state.climb_rate_mps;
+  const flight::VerticalRates rates = vehicle_.vertical_rates(next.speed_mps, state.altitude_m);
+  const double error_mps = std::clamp(command.climb_rate_mps, -rates.descent_mps, rates.climb_mps) -
+                           state.climb_rate_mps;
   const double wanted_mps = model.climb_gain * error_mps + state.climb_integral_mps -
                             model.climb_derivative_gain_s * state.vertical_acceleration_mps2;
   const double collective_mps =
@@ -184,8 +184,8 @@ ModelState CommandModel::step(const ModelState& state, const Command& command,
   const double free_change_mps = (collective_mps - state.climb_rate_mps) * constants.heave_share;
   const double change_max_mps = limits.vertical_acceleration_max_mps2 * step_s;
   const double change_mps = std::clamp(free_change_mps, -change_max_mps, change_max_mps);
-  next.climb_rate_mps = std::clamp(state.climb_rate_mps + change_mps, -limits.descent_rate_max_mps,
-                                   limits.climb_rate_max_mps);
+  next.climb_rate_mps =
+      std::clamp(state.climb_rate_mps + change_mps, -rates.descent_mps, rates.climb_mps);
   next.vertical_acceleration_mps2 = (next.climb_rate_mps - state.climb_rate_mps) / step_s;
   next.altitude_m = state.altitude_m + 0.5 * step_s * (state.climb_rate_mps + next.climb_rate_mps);
   const bool is_pushed_up = wanted_mps > collective_mps || free_change_mps > change_max_mps;

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "base/config_reader.hpp"
+#include "flight/power_curve.hpp"
 #include "flight/vehicle.hpp"
 
 namespace hedgehop::command_model {
@@ -24,11 +26,18 @@ struct ModelParameters {
 /// Throws ConfigError; constants that make the heading loop unstable are refused, see CommandModel.
 ModelParameters read_model_parameters(ConfigReader& reader);
 
-/// A vehicle file: name, `limits`, `command_model`.
+/// A vehicle file: name, `limits`, `command_model`, and perhaps `power`.
 struct Vehicle {
   std::string name;
   flight::Limits limits;
   ModelParameters model;
+  std::optional<flight::PowerCurve> power;
+  /// Not of the file: what `power` admits in the conditions of a flight that keeps it.
+  std::optional<flight::PowerLimits> power_limits = std::nullopt;
+
+  /// The climb and descent rates of `limits`, and where there are power_limits, those too, with
+  /// 0.02 m/s to spare, as a step takes them where it begins. A descent stays a descent.
+  [[nodiscard]] flight::VerticalRates vertical_rates(double airspeed_mps, double altitude_m) const;
 };
 Vehicle read_vehicle(ConfigReader& reader);
 
@@ -98,9 +107,10 @@ ModelState trimmed_state(double x_m, double y_m, double altitude_m, double speed
 /// vertical_acceleration_mps2 is the mean over the step that led to the state.
 ///
 /// Commands are limited to what the vehicle may do. States that start within the limits stay within
-/// them: bank and its rate (also as a difference quotient), pitch and its rate, speed, climb rate,
-/// vertical acceleration. To that end attitude commands stop short of the limit by the worst
-/// overshoot that any command sequence can cause, (1 + o) / (1 - o) with o = exp(-pi zeta / sqrt(1
+/// them: bank and its rate (also as a difference quotient), pitch and its rate, speed, climb rate
+/// (Vehicle::vertical_rates), vertical acceleration. To that end attitude commands stop short of
+/// the limit by the worst overshoot that any command sequence can cause, (1 + o) / (1 - o) with o =
+/// exp(-pi zeta / sqrt(1
 /// - zeta^2)).
 ///
 /// The heading loop is stable while 2 zeta w (1 + k_r) > k_chi (Routh).

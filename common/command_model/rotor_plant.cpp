@@ -7,9 +7,12 @@
 
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
+#include "flight/power_curve.hpp"
 
 namespace hedgehop::command_model {
 namespace {
+
+using flight::air_density_kgpm3;
 
 constexpr double kPart_s = 0.01;
 constexpr double kAirspeedMin_mps = 3.0;  // below, the nose keeps its direction
@@ -103,12 +106,6 @@ RotorParameters read_rotor_parameters(ConfigReader& reader) {
   p.climb_integral_gain_1ps2 = not_negative("climb_integral_gain_1ps2");
   reader.finish();
   return p;
-}
-
-double air_density_kgpm3(double altitude_m) {
-  constexpr double kSeaLevel_kgpm3 = 1.225;
-  const double share = std::max(1.0 - 2.25577e-5 * altitude_m, 0.3);
-  return kSeaLevel_kgpm3 * elementary::exp(4.25588 * elementary::log(share));
 }
 
 double induced_velocity_mps(double thrust_n, double disc_area_m2, double density_kgpm3,

@@ -35,9 +35,6 @@ struct RotorParameters {
 };
 RotorParameters read_rotor_parameters(ConfigReader& reader);
 
-/// Of the international standard atmosphere [kg/m3].
-double air_density_kgpm3(double altitude_m);
-
 /// What a rotor needs; the sum is what it takes from the gears.
 struct RotorPower {
   double induced_w = 0.0;

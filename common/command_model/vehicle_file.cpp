@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "base/angles.hpp"
 #include "command_model/command_model.hpp"
 
@@ -48,8 +50,25 @@ Vehicle read_vehicle(ConfigReader& reader) {
   vehicle.limits = flight::read_limits(limits);
   ConfigReader model = reader.required_section("command_model");
   vehicle.model = read_model_parameters(model);
+  if (reader.has("power")) {
+    ConfigReader power = reader.required_section("power");
+    vehicle.power = flight::read_power_curve(power);
+  }
   reader.finish();
   return vehicle;
+}
+
+flight::VerticalRates Vehicle::vertical_rates(double airspeed_mps, double altitude_m) const {
+  flight::VerticalRates rates{limits.climb_rate_max_mps, limits.descent_rate_max_mps};
+  if (power_limits) {
+    constexpr double kSpare_mps = 0.02;
+    const flight::VerticalRates admitted = power_limits->rates(airspeed_mps, altitude_m);
+    rates.descent_mps =
+        std::min(rates.descent_mps, std::max(admitted.descent_mps - kSpare_mps, kSpare_mps));
+    rates.climb_mps =
+        std::clamp(admitted.climb_mps - kSpare_mps, -rates.descent_mps, rates.climb_mps);
+  }
+  return rates;
 }
 
 }  // namespace hedgehop::command_model

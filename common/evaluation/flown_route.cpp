@@ -26,7 +26,7 @@ planning::RouteTask task_of(const PlanningConfig& config, const DrawnRoute& rout
   task.guide = route.guide;
   task.held = {route.goal};
   task.speed_mps = config.speed_mps;
-  task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle.limits);
+  task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle);
   return task;
 }
 

@@ -52,7 +52,9 @@ BitStarSearch::BitStarSearch(const FlightEnvelope& envelope, const GlobalOptions
     : envelope_(&envelope),
       options_(options),
       random_(seed),
-      climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
+      climb_tangent_max_(
+          std::max(envelope.slopes().greatest().up, envelope.slopes().greatest().down)),
+      is_directed_(!envelope.slopes().is_symmetric()),
       first_inflation_(options.heuristic == SearchHeuristic::kCostField ? kFirstFieldInflation
                                                                         : kFirstInflation),
       long_leg_m_(2.0 * options.turn_radius_m * elementary::tan(0.5 * options.turn_angle_max_rad)) {
@@ -153,7 +155,10 @@ void BitStarSearch::add_state(const flight::Waypoint& state) {
 // --- the table of evaluated edges: open addressing, linear probing
 // ---------------------------------
 
-std::uint64_t BitStarSearch::edge_id(int a, int b) {
+std::uint64_t BitStarSearch::edge_id(int a, int b) const {
+  if (is_directed_) {
+    return (static_cast<std::uint64_t>(a) << 32U) | static_cast<std::uint64_t>(b);
+  }
   const auto low = static_cast<std::uint64_t>(std::min(a, b));
   const auto high = static_cast<std::uint64_t>(std::max(a, b));
   return (low << 32U) | high;
@@ -554,9 +559,9 @@ void BitStarSearch::consider(int from, int to) {
 
 double BitStarSearch::evaluate(int a, int b) {
   // Always in the same direction, so that both have the same cost to the last bit.
-  const auto low = static_cast<std::size_t>(std::min(a, b));
-  const auto high = static_cast<std::size_t>(std::max(a, b));
-  const double cost_m = envelope_->leg_cost_m(state(low), state(high));
+  const auto from = static_cast<std::size_t>(is_directed_ ? a : std::min(a, b));
+  const auto to = static_cast<std::size_t>(is_directed_ ? b : std::max(a, b));
+  const double cost_m = envelope_->leg_cost_m(state(from), state(to));
   ++counts_.work_units;
   table_.insert(edge_id(a, b), cost_m);
   return cost_m;
@@ -741,6 +746,11 @@ std::uint64_t BitStarSearch::arrival_id(int from, int to) const {
   return (static_cast<std::uint64_t>(to) << 8U) | heading;
 }
 
+// The ends of an edge in the order of the flight; in that of the search where both are the same.
+std::pair<int, int> BitStarSearch::flown(const LabelSearch& search, int from, int to) const {
+  return is_directed_ && search.target == kStart ? std::pair(to, from) : std::pair(from, to);
+}
+
 // Queues the edges that may follow a label.
 void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
   const Label here = search.labels[static_cast<std::size_t>(label)];
@@ -751,7 +761,8 @@ void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
     if (to == before || (before >= 0 && !is_turn_allowed(before, here.state, to))) {
       return;
     }
-    const Evaluated* evaluated = table_.find(edge_id(here.state, to));
+    const auto [from, towards] = flown(search, here.state, to);
+    const Evaluated* evaluated = table_.find(edge_id(from, towards));
     const double cost_m = evaluated != nullptr ? evaluated->cost_m : length_m;
     if (cost_m < kInfinity) {
       search.queue.push_back({here.come_m + cost_m + first_inflation_ * ahead_m[to], label, to});
@@ -777,7 +788,8 @@ void BitStarSearch::step_labels() {
   if (search.closed.contains(arrival)) {
     return;
   }
-  Evaluated* evaluated = table_.find(edge_id(from.state, entry.to));
+  const auto [first, second] = flown(search, from.state, entry.to);
+  Evaluated* evaluated = table_.find(edge_id(first, second));
   const auto queue_again = [&](double cost_m) {
     const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
     search.queue.push_back(
@@ -785,7 +797,7 @@ void BitStarSearch::step_labels() {
     std::push_heap(search.queue.begin(), search.queue.end(), kIsLaterLabel);
   };
   if (evaluated == nullptr) {
-    if (const double cost_m = evaluate(from.state, entry.to); cost_m < kInfinity) {
+    if (const double cost_m = evaluate(first, second); cost_m < kInfinity) {
       queue_again(cost_m);
     }
     return;
@@ -795,8 +807,8 @@ void BitStarSearch::step_labels() {
   }
   if (!evaluated->is_fine_checked) {
     ++counts_.work_units;
-    if (envelope_->is_clear(state(static_cast<std::size_t>(from.state)),
-                            state(static_cast<std::size_t>(entry.to)))) {
+    if (envelope_->is_clear(state(static_cast<std::size_t>(first)),
+                            state(static_cast<std::size_t>(second)))) {
       evaluated->is_fine_checked = true;
       queue_again(evaluated->cost_m);
     } else {
@@ -831,10 +843,10 @@ void BitStarSearch::install(std::vector<std::int32_t> path) {
       continue;
     }
     const std::int32_t copy = append_state(state(static_cast<std::size_t>(path[k])));
-    for (const std::int32_t neighbour : {path[k - 1], path[k + 1]}) {
-      const Evaluated known = *table_.find(edge_id(path[k], neighbour));
-      table_.insert(edge_id(copy, neighbour), known.cost_m)->is_fine_checked = true;
-    }
+    const Evaluated in = *table_.find(edge_id(path[k - 1], path[k]));
+    table_.insert(edge_id(path[k - 1], copy), in.cost_m)->is_fine_checked = true;
+    const Evaluated out = *table_.find(edge_id(path[k], path[k + 1]));
+    table_.insert(edge_id(copy, path[k + 1]), out.cost_m)->is_fine_checked = true;
     path[k] = copy;
   }
   first_new_state_ = x_m_.size();

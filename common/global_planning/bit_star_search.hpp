@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 #include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "flight/route.hpp"
@@ -114,7 +115,7 @@ class BitStarSearch {
   };
 
   static bool is_later(const Entry& a, const Entry& b);
-  static std::uint64_t edge_id(int a, int b);
+  [[nodiscard]] std::uint64_t edge_id(int a, int b) const;
 
   int append_state(const flight::Waypoint& state);
   void step_batch();
@@ -146,6 +147,7 @@ class BitStarSearch {
   [[nodiscard]] std::uint64_t arrival_id(int from, int to) const;
   void begin_labels();
   void step_labels();
+  [[nodiscard]] std::pair<int, int> flown(const LabelSearch& search, int from, int to) const;
   void open_label(LabelSearch& search, std::int32_t label);
   void install(std::vector<std::int32_t> path);
   template <typename Visit>
@@ -154,7 +156,8 @@ class BitStarSearch {
   const FlightEnvelope* envelope_;
   GlobalOptions options_;
   RandomSource random_;
-  double climb_tangent_max_;
+  double climb_tangent_max_;  // of both ways
+  bool is_directed_;          // an edge may be allowed one way alone
   double first_inflation_;  // of the bound ahead, in the search for a first route
   double long_leg_m_;
 

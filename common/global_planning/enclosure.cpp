@@ -102,6 +102,17 @@ std::array<std::vector<Step>, kSectors> steps_of(double step_m, double radius_m,
   return result;
 }
 
+// What a metre away from an end may be higher or lower than the end, at altitudes from `low_m` on.
+struct Ways {
+  double rise, fall;
+};
+Ways ways_of(const SlopeLimits& slopes, double low_m, bool is_departure) {
+  const SlopeLimits::Tangents limit = slopes.at(low_m);
+  const double up = std::max(limit.up, 0.0);
+  const double down = std::max(limit.down, 0.0);
+  return is_departure ? Ways{up, down} : Ways{down, up};
+}
+
 // Squares of which a patch is made where an end is looked at from near.
 constexpr int kParts = 8;
 // Beyond this share of the turn radius a route may have flown much farther than it got.
@@ -109,7 +120,8 @@ constexpr double kHollowReach = 0.9;
 
 // A hollow that the climb limit alone closes. See prove_enclosed().
 std::optional<Enclosure> prove_hollow(const FlightEnvelope& envelope, const GlobalOptions& options,
-                                      const flight::Waypoint& end, const flight::Waypoint& other) {
+                                      const flight::Waypoint& end, const flight::Waypoint& other,
+                                      bool is_departure) {
   const double radius_m = options.turn_radius_m;
   const double reach_m = kHollowReach * radius_m;
   const double to_other_x_m = other.x_m - end.x_m;
@@ -119,7 +131,14 @@ std::optional<Enclosure> prove_hollow(const FlightEnvelope& envelope, const Glob
   }
   const GridGeometry& cells = envelope.geometry();
   const double part_m = cells.cell_m / kParts;
-  const double tangent = elementary::tan(options.climb_angle_max_rad) * (1.0 + kRounding);
+  // No leg from here ends lower than this, so none is steeper than slopes allow there.
+  const SlopeLimits slopes = options.slopes();
+  const double flown_max_m = radius_m * elementary::asin(kHollowReach) + kRounding;
+  const Ways ways =
+      ways_of(slopes,
+              end.altitude_m - std::max(slopes.greatest().up, slopes.greatest().down) *
+                                   (1.0 + kRounding) * flown_max_m,
+              is_departure);
   // Squares count from the one that holds the end.
   const double end_column = (end.x_m - cells.west_m - 0.5 * cells.cell_m) / part_m;
   const double end_row = (end.y_m - cells.south_m - 0.5 * cells.cell_m) / part_m;
@@ -152,8 +171,8 @@ std::optional<Enclosure> prove_hollow(const FlightEnvelope& envelope, const Glob
     const AltitudeBand band = envelope.widest_band_over_part(
         patch, west, south, west + 1.0 / kParts, south + 1.0 / kParts);
     const double flown_m = radius_m * elementary::asin(std::min(far_m / radius_m, 1.0)) + kRounding;
-    return band.low_m <= end.altitude_m + tangent * flown_m &&
-           band.high_m >= end.altitude_m - tangent * flown_m;
+    return band.low_m <= end.altitude_m + ways.rise * (1.0 + kRounding) * flown_m &&
+           band.high_m >= end.altitude_m - ways.fall * (1.0 + kRounding) * flown_m;
   };
   std::vector<std::uint8_t> is_seen(static_cast<std::size_t>(side) * static_cast<std::size_t>(side),
                                     0);
@@ -197,10 +216,11 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
                                         const flight::Waypoint& other, double reach_max_m,
                                         std::int64_t work_max) {
   const double half_turn_rad = 0.5 * options.turn_angle_max_rad;
+  const bool is_departure = end == envelope.start();
   if (!(options.turn_radius_m > 0.0) || !(half_turn_rad < 0.25 * std::numbers::pi + kRounding)) {
     return std::nullopt;
   }
-  if (auto hollow = prove_hollow(envelope, options, end, other)) {
+  if (auto hollow = prove_hollow(envelope, options, end, other, is_departure)) {
     return hollow;
   }
   const GridGeometry& cells = envelope.geometry();
@@ -208,9 +228,6 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
   const double aside_m =
       options.turn_radius_m * (1.0 / elementary::cos(half_turn_rad) - 1.0) + kRounding;
   const double step_m = kStepTurn_rad * options.turn_radius_m;
-  const double rise_m = step_m * elementary::tan(options.climb_angle_max_rad) *
-                            elementary::tan(half_turn_rad) / half_turn_rad +
-                        kRounding;
 
   // The patches between cell centres around the end, with the bands of all patches within aside_m.
   const int reach = static_cast<int>(std::ceil((reach_max_m + step_m) / cell_m)) + 1;
@@ -257,6 +274,15 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
       }
     }
   }
+
+  double lowest_m = kInfinity;
+  for (const AltitudeBand& band : bands) {
+    lowest_m = std::min(lowest_m, band.low_m);
+  }
+  const Ways ways = ways_of(options.slopes(), lowest_m, is_departure);
+  const double along_m = step_m * elementary::tan(half_turn_rad) / half_turn_rad;
+  const double rise_m = ways.rise * along_m + kRounding;
+  const double fall_m = ways.fall * along_m + kRounding;
 
   const auto steps = steps_of(step_m, options.turn_radius_m, cell_m);
   struct Interval {
@@ -339,7 +365,7 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
         if (to_column < 0 || to_column >= side || to_row < 0 || to_row >= side) {
           return std::nullopt;
         }
-        if (!reach_state(to_column, to_row, step.sector, static_cast<double>(here.low_m) - rise_m,
+        if (!reach_state(to_column, to_row, step.sector, static_cast<double>(here.low_m) - fall_m,
                          static_cast<double>(here.high_m) + rise_m)) {
           return std::nullopt;
         }

@@ -94,7 +94,7 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
       ceiling_m_(options.envelope_ceiling_m),
       check_step_m_(options.check_step_m),
       final_check_step_m_(options.final_check_step_m),
-      climb_tangent_max_(elementary::tan(options.climb_angle_max_rad)),
+      slopes_(options.slopes()),
       turn_cosine_min_(elementary::cos(options.turn_angle_max_rad)),
       turn_radius_m_(options.turn_radius_m),
       funnel_m_(options.end_funnel_m),
@@ -428,7 +428,13 @@ bool FlightEnvelope::is_climb_allowed(const flight::Waypoint& a, const flight::W
   const double dy_m = b.y_m - a.y_m;
   const double dz_m = b.altitude_m - a.altitude_m;
   const double square_m2 = dx_m * dx_m + dy_m * dy_m;
-  return square_m2 > 0.0 && dz_m * dz_m <= climb_tangent_max_ * climb_tangent_max_ * square_m2;
+  if (slopes_.is_symmetric()) {
+    const double tangent = slopes_.greatest().up;
+    return square_m2 > 0.0 && dz_m * dz_m <= tangent * tangent * square_m2;
+  }
+  const double length_m = std::sqrt(square_m2);
+  const SlopeLimits::Tangents limit = slopes_.at(std::max(a.altitude_m, b.altitude_m));
+  return square_m2 > 0.0 && dz_m <= limit.up * length_m && -dz_m <= limit.down * length_m;
 }
 
 double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const {
@@ -593,10 +599,25 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
   // To the next place, `share` of the leg farther; false if no altitude is left there.
   const auto advance = [&](double t, double share) {
     const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
-    const double rise_m = rules.climb_share * climb_tangent_max_ * leg_m * share;
+    const double way_m = rules.climb_share * leg_m * share;
+    double rise_m = 0.0;
+    double fall_m = 0.0;
+    if (slopes_.is_symmetric()) {
+      rise_m = rules.climb_share * slopes_.greatest().up * leg_m * share;
+      fall_m = rise_m;
+    } else if (rules.is_backward) {
+      // Before the highest altitude the flight was up to so much higher, before the lowest lower.
+      const double high_m = result.altitudes.high_m + slopes_.greatest().down * way_m;
+      rise_m = slopes_.at(high_m).down * way_m;
+      fall_m = slopes_.at(result.altitudes.low_m).up * way_m;
+    } else {
+      const double high_m = result.altitudes.high_m + slopes_.greatest().up * way_m;
+      rise_m = slopes_.at(high_m).up * way_m;
+      fall_m = slopes_.at(result.altitudes.low_m).down * way_m;
+    }
     const Sample here = sample(point.x_m, point.y_m);
     const double margin_m = rules.margin_m * spare_share(point);
-    result.altitudes.low_m = std::max(result.altitudes.low_m - rise_m, here.band.low_m + margin_m);
+    result.altitudes.low_m = std::max(result.altitudes.low_m - fall_m, here.band.low_m + margin_m);
     result.altitudes.high_m =
         std::min(result.altitudes.high_m + rise_m, here.band.high_m - margin_m);
     // Unknown ground leaves NaN in the band, which max and min would lose.

@@ -6,6 +6,7 @@
 
 #include "flight/route.hpp"
 #include "global_planning/global_planner.hpp"
+#include "global_planning/slope_limits.hpp"
 #include "raster/grid.hpp"
 #include "risk/cost_model.hpp"
 
@@ -78,8 +79,8 @@ class FlightEnvelope {
   [[nodiscard]] AltitudeBand band_at(const geo::MapPoint& point) const;
   [[nodiscard]] bool contains(const flight::Waypoint& point) const;
 
-  /// Whether the climb angle of the straight leg, up or down, is within the limit. Legs without
-  /// horizontal length are not.
+  /// Whether the straight leg, flown from a to b, keeps slopes(). Legs without horizontal length do
+  /// not.
   [[nodiscard]] bool is_climb_allowed(const flight::Waypoint& a, const flight::Waypoint& b) const;
 
   /// Cost of a straight leg by eq. (1), midpoint rule with steps of at most check_step_m, or
@@ -100,6 +101,7 @@ class FlightEnvelope {
     double margin_m;            // and kept with this to spare, less inside the funnels
     double climb_share;         // of the climb limit
     bool at_crossings = false;  // look at the crossings() of the leg too
+    bool is_backward = false;   // the flight comes from b: altitudes at b that lead to `altitudes`
   };
   /// Exact propagation of altitude intervals: the flight may have any of `altitudes` at a, and
   /// climbs or sinks within the limit between the places where the band is looked at. About 15 ns a
@@ -116,8 +118,7 @@ class FlightEnvelope {
   /// take-off would not be a flight.
   [[nodiscard]] double spare_share(const geo::MapPoint& point) const;
 
-  /// Tangent of the climb limit.
-  [[nodiscard]] double climb_tangent_max() const { return climb_tangent_max_; }
+  [[nodiscard]] const SlopeLimits& slopes() const { return slopes_; }
 
   /// What a metre costs over a cell as low as its centre may be flown over [-]; infinity where it
   /// may not. >= 1.
@@ -207,7 +208,7 @@ class FlightEnvelope {
   double ceiling_m_;
   double check_step_m_;
   double final_check_step_m_;
-  double climb_tangent_max_;
+  SlopeLimits slopes_;
   double turn_cosine_min_;
   double turn_radius_m_;
   double funnel_m_;

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "base/angles.hpp"
+#include "base/elementary.hpp"
 #include "global_planning/bit_star.hpp"
 #include "global_planning/bit_star_search.hpp"
 #include "global_planning/corridor_refinement.hpp"
@@ -113,46 +114,63 @@ NoPlan no_plan_of(const Disconnection& gap, const GlobalOptions& options) {
 constexpr double kEnclosureReach_m = 5000.0;
 constexpr std::int64_t kEnclosureWork = 60'000'000;  // about a second
 
+std::string degrees_text(double tangent) {
+  return text_of(degrees_from_radians(elementary::atan(tangent)));
+}
+
 // Why a search found nothing, if climb and turn limits hold every route near one end.
 std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
                                         const GlobalOptions& options) {
   for (const bool is_goal : {true, false}) {
     const flight::Waypoint& end = is_goal ? envelope.goal() : envelope.start();
     const flight::Waypoint& other = is_goal ? envelope.start() : envelope.goal();
-    const auto proof = [&](double climb_angle_rad) {
-      GlobalOptions steeper = options;
-      steeper.climb_angle_max_rad = climb_angle_rad;
-      return prove_enclosed(envelope, steeper, end, other, kEnclosureReach_m, kEnclosureWork);
+    const auto proof = [&](const GlobalOptions& limits) {
+      return prove_enclosed(envelope, limits, end, other, kEnclosureReach_m, kEnclosureWork);
     };
-    const auto enclosure = proof(options.climb_angle_max_rad);
+    const auto enclosure = proof(options);
     if (!enclosure) {
       continue;
     }
-    double needed_rad = options.climb_angle_max_rad;
+    const SlopeLimits::Tangents here = options.slopes().at(end.altitude_m);
+    GlobalOptions steeper = options;
+    steeper.vehicle_slopes = nullptr;
+    double needed_rad = elementary::atan(std::max(here.up, here.down));
     for (const double more_deg : {1.0, 2.0, 4.0, 8.0}) {
-      const double climb_angle_rad = options.climb_angle_max_rad + radians_from_degrees(more_deg);
-      if (!proof(climb_angle_rad)) {
+      const double more_rad = radians_from_degrees(more_deg);
+      steeper.climb_angle_max_rad = elementary::atan(here.up) + more_rad;
+      steeper.descent_angle_max_rad = elementary::atan(here.down) + more_rad;
+      if (!proof(steeper)) {
         break;
       }
-      needed_rad = climb_angle_rad;
+      needed_rad = std::max(steeper.climb_angle_max_rad, steeper.descent_angle_max_rad);
     }
-    return NoPlan{NoPlanCause::kClimbLimit, end.point(),
-                  std::string("no route ") + (is_goal ? "reaches the goal" : "leaves the start") +
-                      ": with climbs of at most " +
-                      text_of(degrees_from_radians(options.climb_angle_max_rad)) +
-                      " degrees and turns of at least " + text_of(options.turn_radius_m) +
-                      " m radius between " + text_of(options.envelope_floor_m) + " and " +
-                      text_of(options.envelope_ceiling_m) +
-                      " m above this steep ground, nothing gets farther than " +
-                      text_of(enclosure->reach_m) + " m from it; it would take more than " +
-                      text_of(degrees_from_radians(needed_rad)) + " degrees. Choose another " +
-                      (is_goal ? "goal" : "start") +
-                      ", raise global.envelope_ceiling_m, or fly slower"};
+    const std::string limits = here.up == here.down
+                                   ? "climbs of at most " + degrees_text(here.up) + " degrees"
+                                   : "climbs of at most " + degrees_text(here.up) +
+                                         " and descents of at most " + degrees_text(here.down) +
+                                         " degrees at its altitude";
+    return NoPlan{
+        NoPlanCause::kClimbLimit, end.point(),
+        std::string("no route ") + (is_goal ? "reaches the goal" : "leaves the start") + ": with " +
+            limits + " and turns of at least " + text_of(options.turn_radius_m) +
+            " m radius between " + text_of(options.envelope_floor_m) + " and " +
+            text_of(options.envelope_ceiling_m) +
+            " m above this steep ground, nothing gets farther than " + text_of(enclosure->reach_m) +
+            " m from it; it would take more than " + text_of(degrees_from_radians(needed_rad)) +
+            " degrees. Choose another " + (is_goal ? "goal" : "start") +
+            ", raise global.envelope_ceiling_m, or fly slower" +
+            (options.vehicle_slopes != nullptr ? " or lighter" : "")};
   }
   return std::nullopt;
 }
 
 }  // namespace
+
+SlopeLimits GlobalOptions::slopes() const {
+  return vehicle_slopes != nullptr ? *vehicle_slopes
+                                   : SlopeLimits(elementary::tan(climb_angle_max_rad),
+                                                 elementary::tan(descent_angle_max_rad));
+}
 
 GlobalOptions read_global_options(ConfigReader& reader) {
   GlobalOptions options;
@@ -172,6 +190,9 @@ GlobalOptions read_global_options(ConfigReader& reader) {
   options.climb_angle_max_rad = reader.required_angle("climb_angle_max_deg");
   reader.require(options.climb_angle_max_rad > 0.0 && options.climb_angle_max_rad < 1.0,
                  "climb_angle_max_deg", "must lie between 0 and 57");
+  options.descent_angle_max_rad = reader.required_angle("descent_angle_max_deg");
+  reader.require(options.descent_angle_max_rad > 0.0 && options.descent_angle_max_rad < 1.0,
+                 "descent_angle_max_deg", "must lie between 0 and 57");
   options.turn_angle_max_rad = reader.required_angle("turn_angle_max_deg");
   reader.require(options.turn_angle_max_rad > 0.0 && options.turn_angle_max_rad < 3.1416,
                  "turn_angle_max_deg", "must lie between 0 and 180");

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <variant>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "flight/plan_request.hpp"
 #include "flight/route.hpp"
 #include "flight/vehicle.hpp"
+#include "global_planning/slope_limits.hpp"
 #include "risk/cost_model.hpp"
 
 namespace hedgehop::global_planning {
@@ -29,12 +31,13 @@ struct GlobalOptions {
   double envelope_floor_m = 0.0;     // least height above the surface
   double envelope_ceiling_m = 0.0;   // greatest height, looser than what the flight aims for
   double lateral_margin_m = 0.0;     // floor holds for the highest surface within this distance
-  double climb_angle_max_rad = 0.0;  // of edges, up and down
-  double turn_angle_max_rad = 0.0;   // insertion condition (figure 3 of the paper), in plan view
-  double turn_radius_m = 0.0;        // extension: arcs of this radius must fit the legs; 0 = off
-  double end_funnel_m = 0.0;         // around start and goal the floor sinks to their height
-  double check_step_m = 0.0;         // distance of the discrete checks on an edge
-  double final_check_step_m = 0.0;   // no route leaves that fails at this step
+  double climb_angle_max_rad = 0.0;  // of edges
+  double descent_angle_max_rad = 0.0;
+  double turn_angle_max_rad = 0.0;  // insertion condition (figure 3 of the paper), in plan view
+  double turn_radius_m = 0.0;       // extension: arcs of this radius must fit the legs; 0 = off
+  double end_funnel_m = 0.0;        // around start and goal the floor sinks to their height
+  double check_step_m = 0.0;        // distance of the discrete checks on an edge
+  double final_check_step_m = 0.0;  // no route leaves that fails at this step
   double guide_spacing_m = 0.0;
   std::int64_t batch_size = 0;
   double radius_factor = 0.0;  // of the r-disc of the random geometric graph
@@ -46,6 +49,11 @@ struct GlobalOptions {
   bool refine = false;           // corridor refinement of the first planner's route
   double field_block_m = 0.0;    // resolution of the cost field that leads the lattice search
   std::int64_t work_budget = 0;  // legs evaluated plus states drawn; ten legs of refine() are one
+  /// Not of the section: what the vehicle admits beside the angles; null: nothing else.
+  std::shared_ptr<const SlopeLimits> vehicle_slopes = nullptr;
+
+  /// Of the angles, or vehicle_slopes, which include them.
+  [[nodiscard]] SlopeLimits slopes() const;
 };
 GlobalOptions read_global_options(ConfigReader& reader);
 

@@ -73,8 +73,14 @@ constexpr auto kIsLater = [](const Entry& a, const Entry& b) {
 class Search {
  public:
   Search(const FlightEnvelope& envelope, const GlobalOptions& options, const LatticeSpare& spare,
-         const flight::Waypoint& from, const flight::Waypoint& to, const CostField* field)
-      : envelope_(envelope), spare_(spare), from_(from), to_(to), field_(field) {
+         const flight::Waypoint& from, const flight::Waypoint& to, const CostField* field,
+         bool is_backward)
+      : envelope_(envelope),
+        spare_(spare),
+        from_(from),
+        to_(to),
+        is_backward_(is_backward),
+        field_(field) {
     if (field_ == nullptr) {
       own_field_.emplace(envelope, to.point(), options.field_block_m);
     }
@@ -152,9 +158,10 @@ class Search {
   FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b, const Label& from,
                                  bool is_end_leg) {
     ++work_units_;
-    return envelope_.follow(
-        a, b, {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
-        {is_end_leg ? kEndStep_m : kStep_m, spare_.margin_m, spare_.climb_share, is_end_leg});
+    return envelope_.follow(a, b,
+                            {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
+                            {is_end_leg ? kEndStep_m : kStep_m, spare_.margin_m, spare_.climb_share,
+                             is_end_leg, is_backward_});
   }
 
   void push(const Label& label, double key_m) {
@@ -335,6 +342,7 @@ class Search {
   LatticeSpare spare_;
   flight::Waypoint from_;
   flight::Waypoint to_;
+  bool is_backward_;        // flown from `to`
   const CostField* field_;  // null: own_field_
   std::optional<CostField> own_field_;
   double spacing_m_ = 0.0;
@@ -357,7 +365,7 @@ class Search {
 LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
                              const LatticeSpare& spare, std::int64_t work_budget,
                              const std::function<bool()>& should_stop, const CostField* to_goal) {
-  Search forward(envelope, options, spare, envelope.start(), envelope.goal(), to_goal);
+  Search forward(envelope, options, spare, envelope.start(), envelope.goal(), to_goal, false);
   forward.advance(std::min(kAloneWork, work_budget), should_stop);
   std::optional<Search> backward;
   std::int64_t share = kAloneWork;
@@ -367,7 +375,7 @@ LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions
   while (!forward.is_finished() && !(backward && backward->is_finished()) &&
          spent() < work_budget && !should_stop()) {
     if (!backward) {
-      backward.emplace(envelope, options, spare, envelope.goal(), envelope.start(), nullptr);
+      backward.emplace(envelope, options, spare, envelope.goal(), envelope.start(), nullptr, true);
     }
     backward->advance(std::min(share, work_budget - forward.work_units()), should_stop);
     if (!backward->is_finished()) {

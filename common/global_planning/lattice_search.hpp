@@ -39,10 +39,9 @@ struct LatticeResult {
 ///
 /// The cost of a track is that of its lowest altitudes as seen from behind: climbs that lie ahead
 /// are not in it, so it is a little too small. A CostField, counted more than once and still more
-/// when the search takes long, leads it to the goal: the first track found ends it. Climb limits
-/// and turns are the same both ways, so when the search from the start takes long, one from the
-/// goal joins it, in turns; its lattice lies around the goal. The spacing is at least two cells.
-/// Deterministic.
+/// when the search takes long, leads it to the goal: the first track found ends it. When the search
+/// from the start takes long, one from the goal joins it, in turns, with climbs and descents
+/// exchanged; its lattice lies around the goal. The spacing is at least two cells. Deterministic.
 ///
 /// @param to_goal  the field that leads the search from the start, if there is one already.
 LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,

@@ -139,7 +139,7 @@ class DubinsFrame final : public Frame {
         cost_step_m_(options.check_step_m),
         route_step_m_(options.final_check_step_m),
         radius_m_(radius_m),
-        climb_tangent_max_(envelope.climb_tangent_max() * (1.0 - kChordSpare)) {
+        slopes_(envelope.slopes()) {
     if (!(radius_m > 0.0)) {
       throw std::invalid_argument("Dubins curves need a radius above 0, not " +
                                   std::to_string(radius_m));
@@ -169,7 +169,10 @@ class DubinsFrame final : public Frame {
     const double plan_m = curve.length_m();
     const Waypoint a = waypoint(from);
     const double dz_m = waypoint(to).altitude_m - a.altitude_m;
-    if (!(plan_m > 0.0) || std::fabs(dz_m) > climb_tangent_max_ * plan_m) {
+    const SlopeLimits::Tangents limit = slopes_.at(std::max(a.altitude_m, a.altitude_m + dz_m));
+    constexpr double kShare = 1.0 - kChordSpare;
+    if (!(plan_m > 0.0) || dz_m > limit.up * kShare * plan_m ||
+        -dz_m > limit.down * kShare * plan_m) {
       return kInfinity;
     }
     const double slope = dz_m / plan_m;
@@ -256,7 +259,7 @@ class DubinsFrame final : public Frame {
   double cost_step_m_;
   double route_step_m_;
   double radius_m_;
-  double climb_tangent_max_;
+  SlopeLimits slopes_;
 };
 
 /// Position and heading. The length of the curve between two poses is no metric, so that all pairs
@@ -549,12 +552,13 @@ class StockPlanner::Search {
     ob::StateSpacePtr states = straight->getStateSpace();
     if (method == StockMethod::kDubins) {
       auto frame = std::make_unique<DubinsFrame>(envelope, options, turn_radius_m);
-      states = std::make_shared<DubinsSpace>(states->as<ob::RealVectorStateSpace>()->getBounds(),
-                                             *frame, envelope.climb_tangent_max(), turn_radius_m);
+      states =
+          std::make_shared<DubinsSpace>(states->as<ob::RealVectorStateSpace>()->getBounds(), *frame,
+                                        envelope.slopes().greatest().up, turn_radius_m);
       frame_ = std::move(frame);
     } else {
       frame_ = std::make_unique<StraightFrame>(envelope);
-      auto places = std::make_shared<ClimbSpace>(envelope.climb_tangent_max());
+      auto places = std::make_shared<ClimbSpace>(envelope.slopes().greatest().up);
       places->setBounds(states->as<ob::RealVectorStateSpace>()->getBounds());
       states = places;
     }

@@ -85,7 +85,8 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
   std::vector<Sample> samples = sample_track(envelope, track, step_m);
   const std::size_t last = samples.size() - 1;
   // A hair less than the limit, so that rounding does not exceed it.
-  const double tangent = envelope.climb_tangent_max() * (1.0 - 1e-9);
+  const SlopeLimits& slopes = envelope.slopes();
+  constexpr double kShare = 1.0 - 1e-9;
   for (std::size_t i = 0; i <= last; ++i) {
     if (!samples[i].band.is_flyable()) {
       return {};
@@ -106,14 +107,14 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
     altitude_m[0] = start_m;
     altitude_m[last] = goal_m;
     for (std::size_t i = 1; i <= last; ++i) {
-      altitude_m[i] =
-          std::max(altitude_m[i],
-                   altitude_m[i - 1] - tangent * (samples[i].along_m - samples[i - 1].along_m));
+      altitude_m[i] = std::max(
+          altitude_m[i], altitude_m[i - 1] - slopes.at(altitude_m[i - 1]).down * kShare *
+                                                 (samples[i].along_m - samples[i - 1].along_m));
     }
     for (std::size_t i = last; i-- > 0;) {
-      altitude_m[i] =
-          std::max(altitude_m[i],
-                   altitude_m[i + 1] - tangent * (samples[i + 1].along_m - samples[i].along_m));
+      altitude_m[i] = std::max(
+          altitude_m[i], altitude_m[i + 1] - slopes.at(altitude_m[i + 1]).up * kShare *
+                                                 (samples[i + 1].along_m - samples[i].along_m));
     }
     constexpr double kRounding_m = 1e-6;
     if (altitude_m[0] > start_m + kRounding_m || altitude_m[last] > goal_m + kRounding_m) {

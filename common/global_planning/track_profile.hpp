@@ -10,8 +10,9 @@ namespace hedgehop::global_planning {
 
 /// The lowest flight along a ground track from start to goal of the envelope, as straight legs.
 ///
-/// Along the track the lowest altitude that keeps the band and the climb limit both ways is the
-/// upper envelope of cones: z(s) = max over q of (low(q) - tan(climb) |s - q|). Corners of the
+/// Along the track the lowest altitude that keeps the band and both slope limits is the upper
+/// envelope of cones: z(s) = max over q of (low(q) - tan(climb) (q - s)) for q ahead, and
+/// (low(q) - tan(descent) (s - q)) for q behind. Corners of the
 /// track become waypoints, and so do points between them where the profile bends;
 /// FlightEnvelope::is_clear holds for each leg. Empty when no profile fits, which can be when the
 /// track was searched with coarser samples. O(length / step_m).

@@ -285,17 +285,18 @@ std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start) const {
     }
   }
   low.push_back(goal);
-  const double tangent = kClimbShare * envelope_.climb_tangent_max();
-  const auto raise = [&](Waypoint& point, const Waypoint& beside) {
+  const auto raise = [&](Waypoint& point, const Waypoint& beside, bool is_beside_ahead) {
+    const SlopeLimits::Tangents limit = envelope_.slopes().at(beside.altitude_m);
+    const double tangent = kClimbShare * (is_beside_ahead ? limit.up : limit.down);
     point.altitude_m =
         std::max(point.altitude_m,
                  beside.altitude_m - tangent * plan_distance_m(point.point(), beside.point()));
   };
   for (std::size_t i = 1; i + 1 < low.size(); ++i) {
-    raise(low[i], low[i - 1]);
+    raise(low[i], low[i - 1], false);
   }
   for (std::size_t i = low.size() - 2; i > 0; --i) {
-    raise(low[i], low[i + 1]);
+    raise(low[i], low[i + 1], true);
   }
   std::vector<Waypoint> down = {start};
   for (std::size_t i = 1; i + 1 < low.size(); ++i) {

@@ -49,13 +49,14 @@ ClimbAhead ClimbForecast::ahead(const command_model::ModelState& state,
   ForecastTask question =
       task(state, trigonometry, along_m, commanded_heading_math_rad, goal_math_rad);
   kernels_.forecast(question, scratch_);
-  return answer(question);
+  return answer(question, state);
 }
 
-ClimbAhead ClimbForecast::answer(const ForecastTask& task) const {
-  return {
-      std::min(static_cast<double>(task.greatest_mps), model_->vehicle().limits.climb_rate_max_mps),
-      static_cast<double>(task.greatest_later_mps)};
+ClimbAhead ClimbForecast::answer(const ForecastTask& task,
+                                 const command_model::ModelState& state) const {
+  return {std::min(static_cast<double>(task.greatest_mps),
+                   model_->vehicle().vertical_rates(state.speed_mps, state.altitude_m).climb_mps),
+          static_cast<double>(task.greatest_later_mps)};
 }
 
 ForecastTask ClimbForecast::task(const command_model::ModelState& state,
@@ -116,7 +117,8 @@ ForecastTask ClimbForecast::task(const command_model::ModelState& state,
       single(options_.acceleration_share * limits.vertical_acceleration_max_mps2);
   task.response_s = single(options_.response_s);
   task.rate_max_mps = single(10.0 * limits.climb_rate_max_mps);
-  task.rate_min_mps = single(-limits.descent_rate_max_mps);
+  task.rate_min_mps =
+      single(-model_->vehicle().vertical_rates(state.speed_mps, state.altitude_m).descent_mps);
   return task;
 }
 

@@ -64,7 +64,8 @@ class ClimbForecast {
                                   double along_m, double commanded_heading_math_rad,
                                   double goal_math_rad) const;
   /// What its answer means.
-  [[nodiscard]] ClimbAhead answer(const ForecastTask& task) const;
+  [[nodiscard]] ClimbAhead answer(const ForecastTask& task,
+                                  const command_model::ModelState& state) const;
 
  private:
   const Surroundings* surroundings_;

@@ -59,8 +59,13 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
   memory_.climb.reset(initial.climb_rate_mps / initial.speed_mps);
 }
 
+double Decider::climb_rate_max_mps(const ModelState& state) const {
+  constexpr double kLeast_mps = 0.1;  // where there is no power to climb, every slope is too steep
+  return std::max(model_.vehicle().vertical_rates(state.speed_mps, state.altitude_m).climb_mps,
+                  kLeast_mps);
+}
+
 FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trigonometry) {
-  const flight::Limits& limits = model_.vehicle().limits;
   const geo::MapPoint place{state.x_m, state.y_m};
   const double speed_mps = state.speed_mps;
   memory_.along_m = guide_.project(place, memory_.along_m - options_.projection_back_m,
@@ -69,7 +74,8 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   const double target_dx_m = target.x_m - state.x_m;
   const double target_dy_m = target.y_m - state.y_m;
   const double target_m = distance_m(target_dx_m, target_dy_m);
-  const double limit_tangent = limits.climb_rate_max_mps / speed_mps;
+  const double climb_max_mps = climb_rate_max_mps(state);
+  const double limit_tangent = climb_max_mps / speed_mps;
   const double tangent_max = options_.climb_share * limit_tangent;
 
   DirectionQuestion question;
@@ -115,8 +121,8 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   if (judgement.ahead) {
     needed = std::max(needed, judgement.ahead->climb_rate_mps / speed_mps);
     const double shortfall_mps = judgement.ahead->shortfall_rate_mps;
-    if (shortfall_mps > limits.climb_rate_max_mps) {
-      step.command.speed_mps = std::clamp(speed_mps * limits.climb_rate_max_mps / shortfall_mps,
+    if (shortfall_mps > climb_max_mps) {
+      step.command.speed_mps = std::clamp(speed_mps * climb_max_mps / shortfall_mps,
                                           std::min(options_.slow_speed_mps, step.command.speed_mps),
                                           step.command.speed_mps);
     }
@@ -237,7 +243,7 @@ double Decider::give_way(const ModelState& state, FlownStep& step) {
   step.command.heading_math_rad = step.target_heading_math_rad;
   memory_.heading.reset(state.heading_math_rad);
   step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
-  return model_.vehicle().limits.climb_rate_max_mps / state.speed_mps;
+  return climb_rate_max_mps(state) / state.speed_mps;
 }
 
 Decision Decider::last_decision() const {

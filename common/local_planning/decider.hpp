@@ -77,6 +77,8 @@ class Decider {
                              const command_model::StateTrigonometry& trigonometry,
                              const DirectionQuestion& question, double target_math_rad,
                              double reach_m, FlownStep& step);
+  /// What the vehicle climbs at most here, a little at least.
+  [[nodiscard]] double climb_rate_max_mps(const command_model::ModelState& state) const;
   /// No direction is feasible: the target is commanded, slowly; returns all the climb there is.
   double give_way(const command_model::ModelState& state, FlownStep& step);
   bool is_going_around(const command_model::ModelState& state,

@@ -241,6 +241,15 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
                  limits.climb_rate_max_mps));
 }
 
+command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
+                                         double speed_mps, const command_model::Vehicle& vehicle) {
+  flight::Limits limits = vehicle.limits;
+  const flight::VerticalRates rates = vehicle.vertical_rates(speed_mps, guide.front().altitude_m);
+  limits.climb_rate_max_mps = rates.climb_mps;
+  limits.descent_rate_max_mps = rates.descent_mps;
+  return state_at_start(guide, speed_mps, limits);
+}
+
 LocalGround local_ground(const risk::CostModel& costs, const LocalOptions& options) {
   const double cell_m = costs.map().geometry.cell_m;
   LocalGround ground{{costs, options.window_m, disc_radius_m(options, cell_m),

@@ -126,6 +126,9 @@ using StepModel = std::function<command_model::ModelState(
 /// level, with the climb rate of its first leg as far as the vehicle can.
 command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
                                          double speed_mps, const flight::Limits& limits);
+/// The same within Vehicle::vertical_rates().
+command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
+                                         double speed_mps, const command_model::Vehicle& vehicle);
 
 /// Flies the command model along a guide with TVFH+ or rollouts (all passes).
 ///

@@ -129,12 +129,13 @@ std::vector<double> steepest_climb(std::size_t knots, double rate_mps, double kn
   double rate_before_mps = rate_mps;
   double acceleration_mps2 = 0.5 * limits.acceleration_mps2;
   for (std::size_t k = 1; k < knots; ++k) {
+    const double climb_mps =
+        limits.climb_rates_mps.empty() ? limits.climb_rate_mps : limits.climb_rates_mps[k - 1];
     // rate + lead (rate - before) / T <= climb
-    const double led_mps =
-        (limits.climb_rate_mps * knot_s + limits.command_lead_s * rate_before_mps) /
-        (knot_s + limits.command_lead_s);
+    const double led_mps = (climb_mps * knot_s + limits.command_lead_s * rate_before_mps) /
+                           (knot_s + limits.command_lead_s);
     const double next_mps =
-        std::min({rate_before_mps + acceleration_mps2 * knot_s, led_mps, limits.climb_rate_mps});
+        std::min({rate_before_mps + acceleration_mps2 * knot_s, led_mps, climb_mps});
     altitudes_m.push_back(altitudes_m.back() + knot_s * next_mps);
     rate_before_mps = next_mps;
     acceleration_mps2 = limits.acceleration_mps2;
@@ -178,6 +179,11 @@ class Programme {
         // The row around x_k belongs to unknown k - 1; that around x_0 stands first.
         for (std::size_t k = 0; k < unknowns_; ++k) {
           double bound = sign > 0.0 ? family.high : -family.low;
+          const std::vector<double>& rates =
+              sign > 0.0 ? limits.climb_rates_mps : limits.descent_rates_mps;
+          if (f > 0 && !rates.empty()) {
+            bound = rates[k];
+          }
           if (k == 0) {
             bound *= f == 0 ? 0.5 : 1.0;
             bound -= side.row[0] * before_m;
@@ -383,6 +389,16 @@ std::optional<std::vector<double>> lowest_profile(const std::vector<double>& flo
   if (!(knot_s > 0.0 && limits.climb_rate_mps > 0.0 && limits.descent_rate_mps > 0.0 &&
         limits.acceleration_mps2 > 0.0 && limits.command_lead_s >= 0.0)) {
     throw std::invalid_argument("the limits of a profile must be above 0");
+  }
+  for (const std::vector<double>& rates : {limits.climb_rates_mps, limits.descent_rates_mps}) {
+    if (!rates.empty() && rates.size() + 1 != floor_m.size()) {
+      throw std::invalid_argument("a profile needs a rate for each interval between knots");
+    }
+    for (const double rate_mps : rates) {
+      if (!(rate_mps > 0.0)) {
+        throw std::invalid_argument("the rates of a profile must be above 0");
+      }
+    }
   }
   Programme programme(floor_m, weights, start_altitude_m, start_rate_mps, knot_s, limits);
   if (!programme.solve()) {

@@ -13,6 +13,9 @@ struct ProfileLimits {
   /// The climb rate plus this many seconds of the acceleration stays within the rates as well: what
   /// a controller with that lag must command.
   double command_lead_s = 0.0;
+  /// Of each interval between knots, instead of climb_rate_mps and descent_rate_mps; empty: those.
+  std::vector<double> climb_rates_mps = {};
+  std::vector<double> descent_rates_mps = {};
 };
 
 /// The lowest climb profile above a floor: the altitudes x_1 ... x_n, `knot_s` apart, with

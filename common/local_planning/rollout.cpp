@@ -231,7 +231,7 @@ RolloutChoice Rollout::choose(const command_model::ModelState& state,
   }
   choice.needed_commanded = static_cast<double>(needed_[kCommandedCandidate]);
   choice.needed_near = static_cast<double>(near);
-  choice.ahead = forecast_.answer(task.path);
+  choice.ahead = forecast_.answer(task.path, state);
   if (!choice.direction_rad) {
     choice.least_climb_rad = direction(
         static_cast<int>(std::min_element(needed_.begin(), needed_.end()) - needed_.begin()));

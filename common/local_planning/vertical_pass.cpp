@@ -184,7 +184,7 @@ std::optional<Flight> lowered_flight(const raster::Grid<float>& surface_m,
   const flight::Limits& limits = model.vehicle().limits;
   const command_model::ModelParameters& constants = model.vehicle().model;
   const ModelState& initial = steps.front().state;
-  const ProfileLimits profile_limits{
+  ProfileLimits profile_limits{
       options.rate_share * limits.climb_rate_max_mps,
       options.rate_share * limits.descent_rate_max_mps,
       options.acceleration_share * limits.vertical_acceleration_max_mps2,
@@ -193,6 +193,23 @@ std::optional<Flight> lowered_flight(const raster::Grid<float>& surface_m,
           (constants.heave_time_constant_s + constants.climb_derivative_gain_s) /
               constants.climb_gain,
           constants.climb_integral_gain_1ps > 0.0 ? 1.0 / constants.climb_integral_gain_1ps : 0.0)};
+  if (model.vehicle().power_limits) {
+    // At the speeds and altitudes of the flight; below it there is more power. Where there is none
+    // to climb with there is nothing to lower either.
+    for (std::size_t k = 0; k < intervals; ++k) {
+      const flight::VerticalRates from =
+          model.vehicle().vertical_rates(state_at(k).speed_mps, state_at(k).altitude_m);
+      const flight::VerticalRates to =
+          model.vehicle().vertical_rates(state_at(k + 1).speed_mps, state_at(k + 1).altitude_m);
+      const double climb_mps = options.rate_share * std::min(from.climb_mps, to.climb_mps);
+      if (!(climb_mps > 0.0)) {
+        return std::nullopt;
+      }
+      profile_limits.climb_rates_mps.push_back(climb_mps);
+      profile_limits.descent_rates_mps.push_back(options.rate_share *
+                                                 std::min(from.descent_mps, to.descent_mps));
+    }
+  }
   const std::optional<std::vector<double>> knots_m = lowest_profile(
       floor_m, weights, initial.altitude_m, initial.climb_rate_mps, knot_s, profile_limits);
   if (!knots_m) {

@@ -52,8 +52,10 @@ class AlternativeSearch {
                       "use the map and the config that the plan was made with");
     }
     const auto& stops = std::get<std::vector<flight::Waypoint>>(placed);
+    const global_planning::GlobalOptions global =
+        global_options(config, main.request.speed_mps.value_or(config.speed_mps));
     for (std::size_t leg = 0; leg + 1 < stops.size(); ++leg) {
-      legs_.emplace_back(costs_, config.global,
+      legs_.emplace_back(costs_, global,
                          leg_problem(stops, main.request, config, static_cast<std::int64_t>(leg)));
     }
     found_.shared_within_m = options.shared_within_m;

@@ -27,6 +27,26 @@ std::string heights_text(const map::Map& map) {
   return low_m == high_m ? text_of(low_m, 2) : text_of(low_m, 2) + " to " + text_of(high_m, 2);
 }
 
+// Whether the power available does not keep the vehicle up there, by how much.
+std::optional<NoPlan> no_power_at(const flight::Waypoint& place, double speed_mps,
+                                  const PlanningConfig& config) {
+  if (!config.vehicle.power_limits) {
+    return std::nullopt;
+  }
+  const flight::PowerLimits& power = *config.vehicle.power_limits;
+  if (config.vehicle.vertical_rates(speed_mps, place.altitude_m).climb_mps >= 0.0) {
+    return std::nullopt;
+  }
+  const double short_w =
+      power.required_w(speed_mps, place.altitude_m) - power.available_w(place.altitude_m);
+  return NoPlan{NoPlanCause::kClimbLimit, place.point(),
+                "no power to fly there: at " + text_of(place.altitude_m, 0) + " m, " +
+                    text_of(speed_mps, 1) + " m/s and " + text_of(power.mass_kg(), 0) +
+                    " kg level flight needs " + text_of(short_w / 1000.0, 1) +
+                    " kW more at the rotor than conditions.power_reserve leaves of the power "
+                    "available. Choose a lower place, a lighter flight or another speed"};
+}
+
 }  // namespace
 
 risk::CostModel cost_model(const map::Map& map, const PlanningConfig& config) {
@@ -51,9 +71,9 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
                       "; prepare the map for that height, or change the config"};
   }
   const flight::Limits& limits = config.vehicle.limits;
-  if (const double speed_mps = request.speed_mps.value_or(config.speed_mps);
-      !(speed_mps >= limits.speed_min_mps && speed_mps <= limits.speed_max_mps)) {
-    throw UsageError("a speed of " + text_of(speed_mps, 1) +
+  if (const double asked_mps = request.speed_mps.value_or(config.speed_mps);
+      !(asked_mps >= limits.speed_min_mps && asked_mps <= limits.speed_max_mps)) {
+    throw UsageError("a speed of " + text_of(asked_mps, 1) +
                          " m/s lies outside what the vehicle '" + config.vehicle.name +
                          "' flies, " + text_of(limits.speed_min_mps, 1) + " to " +
                          text_of(limits.speed_max_mps, 1) + " m/s",
@@ -74,6 +94,13 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
   plan.start = stops.front();
   plan.goal = stops.back();
 
+  const double speed_mps = request.speed_mps.value_or(config.speed_mps);
+  for (const flight::Waypoint& stop : stops) {
+    if (auto no_plan = no_power_at(stop, speed_mps, config)) {
+      return *std::move(no_plan);
+    }
+  }
+  const global_planning::GlobalOptions global = global_options(config, speed_mps);
   const std::int64_t budget =
       request.work_budget > 0 ? request.work_budget : config.global.work_budget;
   const auto legs = static_cast<std::int64_t>(stops.size()) - 1;
@@ -99,7 +126,7 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
         on_progress(whole);
       }
     };
-    auto found = global_planning::plan_leg(costs, config.global, problem, report, observer);
+    auto found = global_planning::plan_leg(costs, global, problem, report, observer);
     if (auto* no_plan = std::get_if<NoPlan>(&found)) {
       return std::move(*no_plan);
     }
@@ -129,7 +156,7 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   task.goal = route_plan.goal;
   task.guide = route_plan.route.guide;
   task.speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);
-  task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle.limits);
+  task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle);
   if (route_plan.request.start_heading_true_rad) {
     task.initial.heading_math_rad = math_angle_from_azimuth_rad(grid_from_true_azimuth_rad(
         *route_plan.request.start_heading_true_rad,

@@ -29,7 +29,8 @@ struct PlanningConfig {
   global_planning::GlobalOptions global;
   local_planning::LocalOptions local;
   verification::Demands demands;
-  command_model::Vehicle vehicle;
+  command_model::Vehicle vehicle;  // with power_limits, if the conditions say so
+  flight::Conditions conditions = {};
 };
 
 /// Throws ConfigError. `name` is what errors call the document.
@@ -47,6 +48,10 @@ std::string effective_planning_config(const std::string& config_file,
 
 /// What flying over the map costs with this config. Keeps a pointer to the map.
 risk::CostModel cost_model(const map::Map& map, const PlanningConfig& config);
+
+/// Section `global` for flights at this speed: with the power curve, if the conditions ask for it,
+/// legs climb and sink no more steeply than the vehicle at this speed.
+global_planning::GlobalOptions global_options(const PlanningConfig& config, double speed_mps);
 
 /// Request -> route: what the global_planner service does. Throws UsageError for a speed that the
 /// vehicle does not fly.

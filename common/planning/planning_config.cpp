@@ -1,7 +1,12 @@
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 
+#include "base/angles.hpp"
 #include "base/config_entries.hpp"
 #include "base/config_reader.hpp"
+#include "base/elementary.hpp"
+#include "base/errors.hpp"
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
 #include "planning/config_origins.hpp"
@@ -39,7 +44,48 @@ VehicleText vehicle_text(const std::string& vehicle_file, const std::string& con
                     "vehicles/ec135.yaml is shipped; hedgehop config list shows all");
 }
 
+// The command model must be able to follow its limits: at the hardest braking and the hardest
+// acceleration they may not change faster than its climb rate.
+void check_power_limits(const flight::PowerLimits& power, const flight::Limits& limits) {
+  constexpr double kStep_mps = 0.5;
+  const double speeding_mps2 = kGravity_mps2 * elementary::tan(limits.pitch_max_rad);
+  for (double altitude_m = -500.0; altitude_m <= 9000.0; altitude_m += 500.0) {
+    for (double speed_mps = limits.speed_min_mps; speed_mps < limits.speed_max_mps;
+         speed_mps += kStep_mps) {
+      const flight::VerticalRates a = power.rates(speed_mps, altitude_m);
+      const flight::VerticalRates b = power.rates(speed_mps + kStep_mps, altitude_m);
+      const double change_mps =
+          std::max(std::fabs(b.climb_mps - a.climb_mps),
+                   std::fabs(std::min(b.descent_mps, limits.descent_rate_max_mps) -
+                             std::min(a.descent_mps, limits.descent_rate_max_mps)));
+      if (change_mps / kStep_mps * speeding_mps2 > 0.9 * limits.vertical_acceleration_max_mps2) {
+        throw ConfigError("the power curve of the vehicle changes its vertical limits by " +
+                              std::to_string(change_mps / kStep_mps) + " m/s per m/s of speed at " +
+                              std::to_string(speed_mps) +
+                              " m/s, faster than its climb rate can follow when it brakes",
+                          "a smaller power.vortex_descent_slope, or a "
+                          "greater limits.vertical_acceleration_max_mps2");
+      }
+    }
+  }
+}
+
 }  // namespace
+
+global_planning::GlobalOptions global_options(const PlanningConfig& config, double speed_mps) {
+  global_planning::GlobalOptions options = config.global;
+  if (config.vehicle.power_limits) {
+    const double share = config.local.climb_share / speed_mps;
+    options.vehicle_slopes = std::make_shared<const global_planning::SlopeLimits>(
+        elementary::tan(options.climb_angle_max_rad),
+        elementary::tan(options.descent_angle_max_rad), [&](double altitude_m) {
+          const flight::VerticalRates rates = config.vehicle.vertical_rates(speed_mps, altitude_m);
+          return global_planning::SlopeLimits::Tangents{share * rates.climb_mps,
+                                                        share * rates.descent_mps};
+        });
+  }
+  return options;
+}
 
 PlanningConfig read_planning_config(const std::string& text, const std::string& name) {
   ConfigReader reader = ConfigReader::from_text(text, name);
@@ -71,10 +117,20 @@ PlanningConfig read_planning_config(const std::string& text, const std::string& 
   config.demands = verification::read_demands(demands);
   ConfigReader vehicle = reader.required_section("vehicle");
   config.vehicle = command_model::read_vehicle(vehicle);
+  ConfigReader conditions = reader.required_section("conditions");
+  config.conditions = flight::read_conditions(conditions);
+  if (config.conditions.is_power_used) {
+    reader.require(config.vehicle.power.has_value(), "vehicle",
+                   "has no section `power`, which conditions.use_power_curve needs");
+    config.vehicle.power_limits.emplace(*config.vehicle.power, config.conditions);
+    check_power_limits(*config.vehicle.power_limits, config.vehicle.limits);
+    config.demands.power = verification::PowerDemand{*config.vehicle.power, config.conditions};
+  }
   reader.finish();
   reader.require(config.speed_mps >= config.vehicle.limits.speed_min_mps &&
                      config.speed_mps <= config.vehicle.limits.speed_max_mps,
                  "speed_mps", "must lie within the vehicle's speed limits");
+  config.global = global_options(config, config.speed_mps);
   return config;
 }
 

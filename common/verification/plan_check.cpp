@@ -26,10 +26,18 @@ PlanCheck check_plan(const map::Map& map, const flight::Plan& plan,
   const std::string name = "config of the plan";
   ConfigReader config = ConfigReader::from_text(route_plan.config_text, name);
   ConfigReader demands_section = config.required_section("verification");
-  const Demands demands = read_demands(demands_section);
+  Demands demands = read_demands(demands_section);
   ConfigReader vehicle = config.required_section("vehicle");
   ConfigReader limits_section = vehicle.required_section("limits");
   const flight::Limits limits = flight::read_limits(limits_section);
+  if (config.has("conditions")) {  // plans of earlier versions have none
+    ConfigReader section = config.required_section("conditions");
+    const flight::Conditions conditions = flight::read_conditions(section);
+    if (conditions.is_power_used) {
+      ConfigReader power = vehicle.required_section("power");
+      demands.power = PowerDemand{flight::read_power_curve(power), conditions};
+    }
+  }
 
   std::optional<geo::MapProjection> projection;
   std::vector<geo::MapPoint> via;
@@ -70,7 +78,7 @@ std::string_view unit_of(std::string_view rule) {
                                               {"_mps", "m/s"},
                                               {"_rad", "rad"},
                                               {"_m", "m"}}};
-  constexpr std::array<Entry, 34> kRules = {{{"clearance", "m"},
+  constexpr std::array<Entry, 36> kRules = {{{"clearance", "m"},
                                              {"wire_clearance", "m"},
                                              {"obstacle_clearance", "m"},
                                              {"no_fly_area", "m"},
@@ -79,6 +87,8 @@ std::string_view unit_of(std::string_view rule) {
                                              {"pitch", "rad"},
                                              {"climb_rate", "m/s"},
                                              {"descent_rate", "m/s"},
+                                             {"climb_power", "m/s"},
+                                             {"descent_power", "m/s"},
                                              {"vertical_acceleration", "m/s^2"},
                                              {"speed_min", "m/s"},
                                              {"speed_max", "m/s"},

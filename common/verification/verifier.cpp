@@ -51,6 +51,7 @@ constexpr double kResponseTime_s = 0.25;
 constexpr double kPositionRounding_m = 1e-5;
 constexpr double kAngleRounding_rad = 1e-6;
 constexpr double kSpeedRounding_mps = 1e-5;
+constexpr double kPowerRounding_mps = 1e-6;
 
 void check_limits(const flight::FlightState& state, const flight::Limits& limits,
                   Findings& findings) {
@@ -70,6 +71,16 @@ void check_limits(const flight::FlightState& state, const flight::Limits& limits
   at_most("speed_max", state.speed_mps, limits.speed_max_mps);
   if (!(state.speed_mps >= limits.speed_min_mps * (1.0 - kLimitRounding))) {
     findings.add("speed_min", state, state.speed_mps, limits.speed_min_mps);
+  }
+}
+
+void check_power(const flight::FlightState& state, const PowerDemand& power, Findings& findings) {
+  const flight::VerticalRates rates = rates_by_power(power, state.speed_mps, state.altitude_m);
+  if (!(state.climb_rate_mps <= rates.climb_mps + kPowerRounding_mps)) {
+    findings.add("climb_power", state, state.climb_rate_mps, rates.climb_mps);
+  }
+  if (!(-state.climb_rate_mps <= rates.descent_mps + kPowerRounding_mps)) {
+    findings.add("descent_power", state, -state.climb_rate_mps, rates.descent_mps);
   }
 }
 
@@ -380,6 +391,9 @@ flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory
       continue;
     }
     check_limits(state, limits, findings);
+    if (demands.power) {
+      check_power(state, *demands.power, findings);
+    }
     if (map.geometry.contains(state.point())) {
       check_columns(map, projection ? &*projection : nullptr, state, findings);
     } else {

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "base/config_reader.hpp"
 #include "flight/plan_request.hpp"
+#include "flight/power_curve.hpp"
 #include "flight/route.hpp"
 #include "flight/trajectory.hpp"
 #include "flight/vehicle.hpp"
@@ -11,6 +13,17 @@
 #include "map/map.hpp"
 
 namespace hedgehop::verification {
+
+/// The power curve of a vehicle and what it is flown in.
+struct PowerDemand {
+  flight::PowerCurve curve;
+  flight::Conditions conditions;
+};
+
+/// Vertical rates that power admits, reckoned from `power` alone: own atmosphere (hydrostatic, by
+/// its lapse rate), own induced velocity (Newton's method on Glauert's equation).
+flight::VerticalRates rates_by_power(const PowerDemand& power, double airspeed_mps,
+                                     double altitude_m);
 
 /// Section `verification` of the planning config: what a finished trajectory must hold.
 struct Demands {
@@ -20,6 +33,8 @@ struct Demands {
   double goal_radius_m = 0.0;
   double start_radius_m = 0.0;
   double via_radius_m = 0.0;  // within which each via point is passed, seen from above
+  std::optional<PowerDemand> power =
+      std::nullopt;  // not of the section: a flight by the power curve
 };
 Demands read_demands(ConfigReader& reader);
 
@@ -44,7 +59,8 @@ double load_factor_of(const flight::FlightState& state);
 /// each obstacle, whose radius holds the error of its position), `no_fly_area` (minus the distance
 /// to the edge of the hard area that is entered), `unknown_surface`, `outside_map`; `bank`,
 /// `roll_rate`, `pitch`, `climb_rate`, `descent_rate`, `vertical_acceleration`, `load_factor` (see
-/// load_factor_of()), `speed_min`, `speed_max`; `start`, `goal`, `via` (passed in their order),
+/// load_factor_of()), `climb_power`, `descent_power` (see rates_by_power(), where demanded),
+/// `speed_min`, `speed_max`; `start`, `goal`, `via` (passed in their order),
 /// `share_under_ceiling`; `surface_column`, `terrain_column`;
 /// `states`, `finite`, `time_step`; `continuity_position`, `_altitude`, `_heading`, `_bank`,
 /// `_pitch`, `_speed`, `_climb_rate`,

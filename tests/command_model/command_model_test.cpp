@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <gtest/gtest.h>
 #include <numbers>
 #include <random>
@@ -141,6 +142,44 @@ TEST(CommandModel, HeadingStepDoesNotOvershootByMoreThanOnePercent) {
     }
     EXPECT_LE(greatest_rad, 0.5 * 1.01);
   }
+}
+
+TEST(CommandModel, RandomCommandsNeverTakeMorePowerThanThereIs) {
+  Vehicle vehicle = shipped_vehicle();
+  const flight::Conditions heavy_and_hot{true, 2900.0, 25.0, 0.1};
+  vehicle.power_limits.emplace(*vehicle.power, heavy_and_hot);
+  const CommandModel model(vehicle);
+  const std::uint64_t seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int at_limit = 0;
+  int sinking = 0;  // fast, as there is not even the power for level flight
+  for (int flight = 0; flight < 20; ++flight) {
+    const double step_s = flight % 4 == 0 ? 0.2 : uniform(0.01, 0.2);
+    ModelState state = level_flight(35.0);  // where there is power to climb
+    state.altitude_m = uniform(1000.0, 3500.0);
+    Command command{40.0, 0.0, 0.0};
+    for (int i = 0; i < 1000; ++i) {
+      if (uniform(0.0, 1.0) < 0.02) {
+        command.speed_mps = uniform(-50.0, 150.0);
+        command.climb_rate_mps = uniform(-30.0, 30.0);
+      }
+      state = model.step(state, command, step_s);
+      const flight::VerticalRates rates =
+          vehicle.power_limits->rates(state.speed_mps, state.altitude_m);
+      ASSERT_LE(state.climb_rate_mps, std::min(rates.climb_mps, 8.0));
+      ASSERT_LE(-state.climb_rate_mps, std::min(rates.descent_mps, 8.0));
+      ASSERT_LE(std::fabs(state.vertical_acceleration_mps2),
+                vehicle.limits.vertical_acceleration_max_mps2 * (1.0 + 1e-9));
+      at_limit += state.climb_rate_mps > rates.climb_mps - 0.1 ? 1 : 0;
+      sinking += rates.climb_mps < 0.0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(at_limit, 100);
+  EXPECT_GT(sinking, 10);
 }
 
 TEST(CommandModel, RandomCommandsNeverBreakALimit) {

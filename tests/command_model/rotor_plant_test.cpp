@@ -31,12 +31,6 @@ Vehicle shipped_vehicle() {
 
 constexpr double kSeaLevel_kgpm3 = 1.225;
 
-TEST(AirDensity, IsThatOfTheStandardAtmosphere) {
-  EXPECT_NEAR(air_density_kgpm3(0.0), 1.2250, 1e-4);
-  EXPECT_NEAR(air_density_kgpm3(1000.0), 1.1116, 1e-4);
-  EXPECT_NEAR(air_density_kgpm3(3000.0), 0.9091, 2e-4);
-}
-
 TEST(InducedVelocity, InHoverIsThatOfTheDiscLoading) {
   const double thrust_n = 26478.0;
   const double area_m2 = 81.7;

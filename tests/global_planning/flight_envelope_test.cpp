@@ -27,6 +27,7 @@ GlobalOptions plain_options() {
   options.lateral_margin_m = 30.0;
   options.end_funnel_m = 400.0;
   options.climb_angle_max_rad = 8.0 * kDegree_rad;
+  options.descent_angle_max_rad = 8.0 * kDegree_rad;
   options.turn_angle_max_rad = 60.0 * kDegree_rad;
   options.turn_radius_m = 0.0;
   return options;

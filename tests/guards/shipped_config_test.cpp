@@ -183,7 +183,7 @@ const Guarded* guarded(const std::string& file) {
     return &kMapping;
   }
   if (file.starts_with("vehicles/")) {
-    static const Guarded kVehicle{read_vehicle_file, {}};
+    static const Guarded kVehicle{read_vehicle_file, {"power"}};
     return &kVehicle;
   }
   const auto found = kFiles.find(file);

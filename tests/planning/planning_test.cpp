@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "base/angles.hpp"
+#include "base/errors.hpp"
 #include "support/test_map.hpp"
 #include "support/utm_map.hpp"
 
@@ -258,6 +259,90 @@ TEST_F(PlanningTest, RouteOfAnotherMapIsRefused) {
 
   EXPECT_THROW(plan_flight(map_, std::get<flight::RoutePlan>(route), config_, {}, observer),
                DataError);
+}
+
+// The same hills 3.4 km higher, 35 degrees too hot, with all the mass there may be.
+TEST_F(PlanningTest, HighHotAndHeavyFlightsClimbNoFasterThanTheirPower) {
+  for (raster::Grid<float>* layer : {&map_.terrain_m, &map_.surface_m}) {
+    for (float& height_m : layer->values()) {
+      height_m += 3400.0F;
+    }
+  }
+  test::finish_map(map_);
+  request_.start.height_m = 60.0;
+  request_.goal.height_m = 60.0;
+  const std::vector<std::string> hot = {"global.work_budget=60000", "conditions.mass_kg=2910",
+                                        "conditions.isa_deviation_k=25"};
+  const auto planned = [&](bool is_power_used) {
+    std::vector<std::string> settings = hot;
+    settings.push_back(std::string("conditions.use_power_curve=") +
+                       (is_power_used ? "true" : "false"));
+    config_ = config_with(settings);
+    const auto result = plan(request_);
+    const auto* none = std::get_if<flight::NoPlan>(&result);
+    EXPECT_EQ(none, nullptr) << (none == nullptr ? "" : none->explanation);
+    return none == nullptr ? std::get<flight::Plan>(result) : flight::Plan{};
+  };
+  const auto steepest_up = [](const flight::Plan& plan) {
+    double tangent = 0.0;
+    const auto& points = plan.route_plan.route.waypoints;
+    for (std::size_t i = 1; i < points.size(); ++i) {
+      tangent = std::max(tangent, (points[i].altitude_m - points[i - 1].altitude_m) /
+                                      std::hypot(points[i].x_m - points[i - 1].x_m,
+                                                 points[i].y_m - points[i - 1].y_m));
+    }
+    return tangent;
+  };
+  const flight::Plan free = planned(false);
+  const flight::Plan held = planned(true);
+  const flight::PowerLimits& power = *config_.vehicle.power_limits;
+  // What power leaves at the speed of the plan above its lowest ground.
+  const double low_m = 3400.0 + 340.0;
+  const double most_mps = power.rates(config_.speed_mps, low_m).climb_mps;
+  ASSERT_LT(most_mps, 5.0);
+  EXPECT_TRUE(held.verdict.is_verified) << held.verdict.violations.front().rule;
+  EXPECT_LE(steepest_up(held), config_.local.climb_share * most_mps / config_.speed_mps);
+  EXPECT_GT(steepest_up(free), 1.2 * steepest_up(held));
+  EXPECT_GT(free.verdict.climb_rate_max_mps, held.verdict.climb_rate_max_mps);
+  for (const flight::FlightState& state : held.trajectory.states) {
+    const flight::VerticalRates rates = power.rates(state.speed_mps, state.altitude_m);
+    ASSERT_LE(state.climb_rate_mps, rates.climb_mps);
+    ASSERT_LE(-state.climb_rate_mps, rates.descent_mps);
+  }
+}
+
+TEST_F(PlanningTest, WherePowerDoesNotEvenHoldTheLevelTheMissingKilowattsAreNamed) {
+  for (raster::Grid<float>* layer : {&map_.terrain_m, &map_.surface_m}) {
+    for (float& height_m : layer->values()) {
+      height_m += 6500.0F;
+    }
+  }
+  test::finish_map(map_);
+  config_ = config_with({"conditions.use_power_curve=true", "conditions.mass_kg=2910",
+                         "conditions.isa_deviation_k=25"});
+  const auto result = plan(request_);
+  const auto* none = std::get_if<flight::NoPlan>(&result);
+  ASSERT_NE(none, nullptr);
+  EXPECT_EQ(none->cause, flight::NoPlanCause::kClimbLimit);
+  EXPECT_THAT(none->explanation, HasSubstr(" kW more at the rotor"));
+  EXPECT_THAT(none->explanation, HasSubstr("2910 kg"));
+}
+
+TEST(PlanningConfigPower, AVehicleWithoutAPowerCurveIsRefusedWhereItIsAskedFor) {
+  std::string text = effective_planning_config("", {"conditions.use_power_curve=true"});
+  const std::size_t begin = text.find("\n  power:");
+  ASSERT_NE(begin, std::string::npos);
+  std::size_t end = text.find("\n", begin + 1);
+  while (text.compare(end, 5, "\n    ") == 0) {
+    end = text.find("\n", end + 1);
+  }
+  text.erase(begin, end - begin);
+  try {
+    read_planning_config(text, "mine");
+    FAIL() << "accepted";
+  } catch (const ConfigError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("`power`"));
+  }
 }
 
 }  // namespace
