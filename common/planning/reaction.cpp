@@ -42,11 +42,12 @@ std::size_t last_step(const ReactionOptions& options, const FlightUnderPlan& fli
 }
 
 // What the model takes: another plant may be a little beyond its limits.
-ModelState within_limits(ModelState state, const flight::Limits& limits) {
+ModelState within_limits(ModelState state, const command_model::Vehicle& vehicle) {
+  const flight::Limits& limits = vehicle.limits;
   const auto hold = [](double& value, double limit) { value = std::clamp(value, -limit, limit); };
   state.speed_mps = std::clamp(state.speed_mps, limits.speed_min_mps, limits.speed_max_mps);
-  state.climb_rate_mps =
-      std::clamp(state.climb_rate_mps, -limits.descent_rate_max_mps, limits.climb_rate_max_mps);
+  const flight::VerticalRates rates = vehicle.vertical_rates(state.speed_mps, state.altitude_m);
+  state.climb_rate_mps = std::clamp(state.climb_rate_mps, -rates.descent_mps, rates.climb_mps);
   hold(state.bank_left_rad, limits.bank_max_rad);
   hold(state.roll_rate_left_radps, limits.roll_rate_max_radps);
   hold(state.pitch_rad, limits.pitch_max_rad);
@@ -65,7 +66,7 @@ class Reactor {
         local_(options_of(config)),
         model_(config.vehicle),
         projection_(ground.crs_wkt),
-        from_(within_limits(flight.state, config.vehicle.limits)),
+        from_(within_limits(flight.state, config.vehicle)),
         last_(last_step(options, flight)) {}
 
   Reaction reaction(bool is_seen_from) {
