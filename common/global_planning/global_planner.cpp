@@ -144,17 +144,17 @@ std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
       }
       needed_rad = std::max(steeper.climb_angle_max_rad, steeper.descent_angle_max_rad);
     }
-    const std::string limits = here.up == here.down
-                                   ? "climbs of at most " + degrees_text(here.up) + " degrees"
-                                   : "climbs of at most " + degrees_text(here.up) +
-                                         " and descents of at most " + degrees_text(here.down) +
-                                         " degrees at its altitude";
+    const std::string limits =
+        degrees_text(here.up) +
+        (here.up == here.down
+             ? " degrees"
+             : " and descents of at most " + degrees_text(here.down) + " degrees at its altitude");
     return NoPlan{
         NoPlanCause::kClimbLimit, end.point(),
-        std::string("no route ") + (is_goal ? "reaches the goal" : "leaves the start") + ": with " +
-            limits + " and turns of at least " + text_of(options.turn_radius_m) +
-            " m radius between " + text_of(options.envelope_floor_m) + " and " +
-            text_of(options.envelope_ceiling_m) +
+        std::string("no route ") + (is_goal ? "reaches the goal" : "leaves the start") +
+            ": with climbs of at most " + limits + " and turns of at least " +
+            text_of(options.turn_radius_m) + " m radius between " +
+            text_of(options.envelope_floor_m) + " and " + text_of(options.envelope_ceiling_m) +
             " m above this steep ground, nothing gets farther than " + text_of(enclosure->reach_m) +
             " m from it; it would take more than " + text_of(degrees_from_radians(needed_rad)) +
             " degrees. Choose another " + (is_goal ? "goal" : "start") +
