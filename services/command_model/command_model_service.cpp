@@ -432,8 +432,10 @@ void CommandModelService::react_to_news(Time now) {
       break;
   }
   prepare_path(*next);
-  next->continue_from(*flight_, options_.reaction.heading_rate_max_radps);
   next->command = command_of(next->trajectory->states.front());
+  next->continue_from(*flight_, options_.reaction.heading_rate_max_radps);
+  // What was published for this step stands, so that nobody sees two turns in one.
+  next->command.heading_math_rad = flight_->command.heading_math_rad;
   next->start = flight_->time_of(flight_->step_number);
   next_flight_.reset();  // planned without what has appeared
   flight_ = std::move(next);
