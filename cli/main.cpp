@@ -108,6 +108,7 @@ int main(int argc, char** argv) {
   add_fetch_verb(app, console);
   add_prepare_verb(app, console);
   add_info_verb(app, console);
+  add_roadmap_verb(app, console);
   add_plan_verb(app, console);
   add_verify_verb(app, console);
   add_export_verb(app, console);

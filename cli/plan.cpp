@@ -18,6 +18,7 @@
 #include "planning/alternatives.hpp"
 #include "planning/planning.hpp"
 #include "planning/request_areas.hpp"
+#include "planning/roadmap_store.hpp"
 #include "request_arguments.hpp"
 #include "uncertainty_arguments.hpp"
 #include "verbs.hpp"
@@ -222,7 +223,7 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
         "what errors do to a plan as it is tells hedgehop verify");
   }
   const map_sources::Mission mission = arguments.request.mission(console);
-  const planning::PlanningConfig config =
+  planning::PlanningConfig config =
       planning::read_planning_config(planning::effective_planning_config(
                                          arguments.request.config_file, arguments.request.settings),
                                      "effective configuration");
@@ -239,6 +240,18 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
   const flight::PlanRequest request = arguments.request.plan_request(mission, &map, *observer);
   map = planning::map_with_areas(std::move(map), request.areas);
   timer.lap("read_map");
+  if (config.global.use_roadmap) {
+    // Areas of the request make another map, whose roadmap is not kept.
+    const planning::ReadyRoadmap ready = planning::ready_roadmap(
+        map, config,
+        request.areas.empty() ? planning::roadmap_file(arguments.map) : std::filesystem::path(),
+        *observer);
+    if (ready.is_built && request.areas.empty()) {
+      console.say("roadmap made: " + ready.why_built);
+    }
+    config.roadmap = {ready.roadmap, ready.key};
+    timer.lap("roadmap");
+  }
   const Made made = demand ? make_plan_on_time(map, request, config, *demand, arguments, console,
                                                timer, *observer)
                            : make_plan(map, request, config, arguments, console, timer, *observer);

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstring>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <type_traits>
 #include <variant>
@@ -13,6 +15,7 @@
 #include "global_planning/bit_star_search.hpp"
 #include "global_planning/corridor_refinement.hpp"
 #include "global_planning/flight_envelope.hpp"
+#include "global_planning/roadmap.hpp"
 #include "global_planning/route_finish.hpp"
 #include "global_planning/stock_planner.hpp"
 
@@ -112,6 +115,46 @@ Attempt run_recommended(const risk::CostModel& costs, const GlobalOptions& optio
   marks.end(time_s, work_units);
   return attempt;
 }
+
+/// Queries on one roadmap. What is made once, for all of them, is not counted.
+class RoadmapQueries {
+ public:
+  RoadmapQueries(const risk::CostModel& costs, const GlobalOptions& options)
+      : costs_(&costs), options_(options) {}
+
+  Attempt run(const OptimalityTask& task, const ProcessClock& clock, const Observer& observer) {
+    if (!roadmap_) {
+      SilentObserver silent;
+      roadmap_.emplace(*costs_, options_, silent);
+      envelope_.emplace(*costs_, options_, task.start, task.goal);
+    }
+    Attempt attempt;
+    Marks marks(task.budgets_s, attempt);
+    const Stopwatch watch(clock);
+    const TimedObserver timed(observer, watch, task.budgets_s.back());
+    envelope_->move_start(task.start);
+    envelope_->move_goal(task.goal);
+    std::int64_t work_units = 0;
+    std::vector<Waypoint> route;
+    if (envelope_->contains(task.start) && envelope_->contains(task.goal)) {
+      route = global_planning::roadmap_route(*envelope_, *roadmap_, kNoLimit, work_units,
+                                             [&] { return timed.stop_requested(); });
+    }
+    const double time_s = watch.elapsed_s();
+    observer.check_stop();
+    if (!route.empty()) {
+      attempt.routes.push_back({time_s, std::move(route)});
+    }
+    marks.end(time_s, work_units);
+    return attempt;
+  }
+
+ private:
+  const risk::CostModel* costs_;
+  GlobalOptions options_;
+  std::optional<global_planning::Roadmap> roadmap_;
+  std::optional<FlightEnvelope> envelope_;
+};
 
 GlobalOptions paper_options(GlobalOptions options) {
   options.use_lattice = false;
@@ -258,7 +301,8 @@ Attempt run_paper_planner(const risk::CostModel& costs, const GlobalOptions& opt
 }
 
 std::vector<std::string> contestant_names() {
-  std::vector<std::string> names = {"recommended", "bitstar", "bitstar_labels", "bitstar_field"};
+  std::vector<std::string> names = {"recommended", "roadmap", "bitstar", "bitstar_labels",
+                                    "bitstar_field"};
   for (const StockMethod method : global_planning::kStockMethods) {
     names.emplace_back(name_of(method));
   }
@@ -281,6 +325,14 @@ std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
       add(name, config.global.turn_radius_m > 0.0 ? "radius" : "angle", false,
           [&costs, &config, clock](const OptimalityTask& task, const Observer& observer) {
             return run_recommended(costs, config.global, task, clock, observer);
+          });
+      continue;
+    }
+    if (name == "roadmap") {
+      add(name, config.global.turn_radius_m > 0.0 ? "radius" : "angle", false,
+          [queries = std::make_shared<RoadmapQueries>(costs, config.global), clock](
+              const OptimalityTask& task, const Observer& observer) {
+            return queries->run(task, clock, observer);
           });
       continue;
     }

@@ -16,6 +16,9 @@ std::vector<std::string> contestant_names();
 /// The planners of these names, all under the same config:
 ///
 /// recommended   plan_leg() as the config has it
+/// roadmap       first route of a Roadmap that was made before, with an envelope at hand: what one
+/// of
+///               many queries takes; without refinement and lower bound
 /// bitstar       our BIT* as in the paper: straight length as heuristic, ellipse, insertion
 ///               condition on the angle alone, no refinement
 /// bitstar_labels  the same, its first route searched over directed edges

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/errors.hpp"
 
@@ -44,11 +45,13 @@ constexpr auto kIsLater = [](const auto& a, const auto& b) {
   return a.cost_m != b.cost_m ? a.cost_m > b.cost_m : a.block > b.block;
 };
 constexpr int kFrame = 2;
+// How far a field that ends at a block is known beyond it.
+constexpr float kBeyond = 1.25F;
+constexpr float kBeyondBlocks = 30.0F;  // at the least cost of a metre
 
 }  // namespace
 
-CostField::CostField(const FlightEnvelope& envelope, const geo::MapPoint& target, double block_m) {
-  const raster::GridGeometry& cells = envelope.geometry();
+CostField::CostField(const raster::GridGeometry& cells, double block_m) {
   factor_ = std::max(1, static_cast<int>(std::floor(block_m / cells.cell_m + 0.5)));
   blocks_ = {cells.west_m, cells.south_m, cells.cell_m * factor_,
              (cells.columns + factor_ - 1) / factor_, (cells.rows + factor_ - 1) / factor_};
@@ -60,12 +63,54 @@ CostField::CostField(const FlightEnvelope& envelope, const geo::MapPoint& target
     jump_.push_back(static_cast<std::ptrdiff_t>(kNeighbours[k].rows) * wide_ +
                     kNeighbours[k].columns);
   }
+  cost_m_.assign(density_.size(), kInfinity);
+}
+
+CostField::CostField(const FlightEnvelope& envelope, double block_m)
+    : CostField(envelope.geometry(), block_m) {
   for (int row = 0; row < blocks_.rows; ++row) {
     for (int column = 0; column < blocks_.columns; ++column) {
       density_[framed(column, row)] = mean_density(envelope, column, row);
     }
   }
-  cost_m_.assign(density_.size(), kInfinity);
+}
+
+CostField::CostField(const FlightEnvelope& envelope, const geo::MapPoint& target, double block_m)
+    : CostField(envelope, block_m) {
+  begin_at(target);
+  spread();
+}
+
+CostField::CostField(const CostField& blocks, const geo::MapPoint& target,
+                     const geo::MapPoint& from)
+    : CostField(blocks) {
+  std::fill(cost_m_.begin(), cost_m_.end(), kInfinity);
+  begin_at(target);
+  const CellIndex last = blocks_.cell_at(from);
+  spread(blocks_.contains(last) ? framed(last.column, last.row) : kNoBlock);
+}
+
+std::optional<CostField> CostField::with_densities(const raster::GridGeometry& cells,
+                                                   double block_m, std::vector<float> densities) {
+  CostField field(cells, block_m);
+  if (densities.size() != field.density_.size()) {
+    return std::nullopt;
+  }
+  // A metre costs at least 1, and nothing leads through the frame.
+  for (int row = -kFrame; row < field.blocks_.rows + kFrame; ++row) {
+    for (int column = -kFrame; column < field.blocks_.columns + kFrame; ++column) {
+      const float density = densities[field.framed(column, row)];
+      if (!(density >= 1.0F) ||
+          (!field.blocks_.contains(CellIndex{column, row}) && density < kInfinity)) {
+        return std::nullopt;
+      }
+    }
+  }
+  field.density_ = std::move(densities);
+  return field;
+}
+
+void CostField::begin_at(const geo::MapPoint& target) {
   const CellIndex first = blocks_.cell_at(target);
   has_target_ = blocks_.contains(first);
   if (has_target_) {
@@ -76,7 +121,6 @@ CostField::CostField(const FlightEnvelope& envelope, const geo::MapPoint& target
       density_[target_] = 1.0F;  // the funnel around an end may reach where the floor does not
     }
   }
-  spread();
 }
 
 std::uint32_t CostField::framed(int column, int row) const {
@@ -109,13 +153,21 @@ void CostField::push(float cost_m, std::uint32_t block) {
   std::push_heap(queue_.begin(), queue_.end(), kIsLater);
 }
 
-void CostField::spread() {
+void CostField::spread(std::uint32_t last) {
+  float limit_m = kInfinity;
   while (!queue_.empty()) {
     std::pop_heap(queue_.begin(), queue_.end(), kIsLater);
     const Entry entry = queue_.back();
     queue_.pop_back();
     if (entry.cost_m > cost_m_[entry.block]) {
       continue;
+    }
+    if (entry.cost_m > limit_m) {
+      queue_.clear();
+      return;
+    }
+    if (entry.block == last) {
+      limit_m = entry.cost_m * kBeyond + kBeyondBlocks * static_cast<float>(blocks_.cell_m);
     }
     for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
       const auto to =

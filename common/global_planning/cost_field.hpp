@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "geo/map_projection.hpp"
@@ -22,6 +23,18 @@ class CostField {
  public:
   CostField(const FlightEnvelope& envelope, const geo::MapPoint& target, double block_m);
 
+  /// The blocks alone, for fields to many targets; itself infinite everywhere.
+  CostField(const FlightEnvelope& envelope, double block_m);
+  /// A field over the blocks of another one, as far as a way from `from` needs it: infinite or too
+  /// dear where the cost is more than a quarter above that at `from`.
+  CostField(const CostField& blocks, const geo::MapPoint& target, const geo::MapPoint& from);
+
+  /// What blocks cost, for files; with_densities() reverses it, and is null for numbers that cannot
+  /// be those of such a map.
+  [[nodiscard]] const std::vector<float>& densities() const { return density_; }
+  static std::optional<CostField> with_densities(const raster::GridGeometry& cells, double block_m,
+                                                 std::vector<float> densities);
+
   /// Cost to the target [m], interpolated between block centres; infinity where no way leads there
   /// and outside the map.
   [[nodiscard]] double cost_m(const geo::MapPoint& from) const;
@@ -40,17 +53,20 @@ class CostField {
   [[nodiscard]] std::vector<geo::MapPoint> way_from(const geo::MapPoint& from) const;
 
  private:
+  static constexpr std::uint32_t kNoBlock = 0xFFFFFFFFU;
   struct Entry {
     float cost_m;
     std::uint32_t block;
   };
 
+  CostField(const raster::GridGeometry& cells, double block_m);
+  void begin_at(const geo::MapPoint& target);
   [[nodiscard]] std::uint32_t framed(int column, int row) const;
   [[nodiscard]] float mean_density(const FlightEnvelope& envelope, int column, int row) const;
   [[nodiscard]] float step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const;
   void push(float cost_m, std::uint32_t block);
-  // Dijkstra's method from what is in the queue.
-  void spread();
+  // Dijkstra's method from what is in the queue; ends somewhat beyond the block `last`.
+  void spread(std::uint32_t last = kNoBlock);
 
   raster::GridGeometry blocks_;
   int factor_ = 1;            // cells along the side of a block

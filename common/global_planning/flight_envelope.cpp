@@ -130,11 +130,20 @@ FlightEnvelope::FlightEnvelope(const FlightEnvelope& ground, const risk::CostMod
   }
 }
 
+void FlightEnvelope::sink_floor(std::size_t end, const flight::Waypoint& place) {
+  const double height_m =
+      place.altitude_m - raster::sample_bilinear(costs_->map().surface_m, place.point());
+  ends_[end] = {place.x_m, place.y_m, std::min(height_m, floor_m_)};
+}
+
 void FlightEnvelope::move_start(const flight::Waypoint& start) {
   start_ = start;
-  const double height_m =
-      start.altitude_m - raster::sample_bilinear(costs_->map().surface_m, start.point());
-  ends_[0] = {start.x_m, start.y_m, std::min(height_m, floor_m_)};
+  sink_floor(0, start);
+}
+
+void FlightEnvelope::move_goal(const flight::Waypoint& goal) {
+  goal_ = goal;
+  sink_floor(1, goal);
 }
 
 void FlightEnvelope::avoid(const std::vector<flight::Waypoint>& route, double within_m,
@@ -681,20 +690,31 @@ double FlightEnvelope::least_density(raster::CellIndex at) const {
       end_floor_m = std::min(end_floor_m, end.floor_m);
     }
   }
-  // Over the cell the margin of the dilated surface is interpolated between these nine.
-  double floor_m = kInfinity;
-  bool is_flyable = false;
-  for (int row = std::max(at.row - 1, 0); row <= std::min(at.row + 1, geometry_.rows - 1); ++row) {
-    for (int column = std::max(at.column - 1, 0);
-         column <= std::min(at.column + 1, geometry_.columns - 1); ++column) {
-      const Cell& here = cell(column, row);
-      if (!std::isnan(here.dilated_m)) {
-        floor_m = std::min(floor_m, static_cast<double>(here.dilated_m) -
-                                        static_cast<double>(here.surface_m) + floor_m_);
-        is_flyable = true;
+  // The floor's height over the surface is bilinear over each quarter of the cell, hence least at a
+  // corner of one: in the centre, half way to a neighbour or between four.
+  const auto margin_m = [&](int column, int row) {
+    if (column < 0 || row < 0 || column >= geometry_.columns || row >= geometry_.rows) {
+      return kNaN;
+    }
+    const Cell& here = cell(column, row);
+    return static_cast<double>(here.dilated_m) - static_cast<double>(here.surface_m);
+  };
+  const double centre_m = margin_m(at.column, at.row);
+  double least_m = kInfinity;
+  for (const int dx : {-1, 1}) {
+    for (const int dy : {-1, 1}) {
+      const double aside_m = margin_m(at.column + dx, at.row);
+      const double along_m = margin_m(at.column, at.row + dy);
+      const double four_m =
+          0.25 * (centre_m + aside_m + along_m + margin_m(at.column + dx, at.row + dy));
+      if (!std::isnan(four_m)) {  // else nothing flies over this quarter
+        least_m = std::min(
+            {least_m, centre_m, 0.5 * (centre_m + aside_m), 0.5 * (centre_m + along_m), four_m});
       }
     }
   }
+  const bool is_flyable = least_m < kInfinity;
+  const double floor_m = least_m + floor_m_;
   const double height_m = std::min(floor_m, end_floor_m) - kHeightTolerance_m;
   if (!is_flyable || height_m > ceiling_m_) {
     return kInfinity;

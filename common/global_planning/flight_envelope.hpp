@@ -57,8 +57,9 @@ class FlightEnvelope {
   /// is computed anew, and nothing is avoided.
   FlightEnvelope(const FlightEnvelope& ground, const risk::CostModel& costs);
 
-  /// The same with another start.
+  /// The same with another start or goal.
   void move_start(const flight::Waypoint& start);
+  void move_goal(const flight::Waypoint& goal);
 
   /// From now on each metre over cells whose centre lies within `within_m` of the route, seen from
   /// above, costs `cost` more; where several calls meet, the greatest of theirs. Searches feel it,
@@ -179,6 +180,7 @@ class FlightEnvelope {
     double x_m, y_m, floor_m;
   };
 
+  void sink_floor(std::size_t end, const flight::Waypoint& place);
   [[nodiscard]] std::size_t index(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(geometry_.columns) +
            static_cast<std::size_t>(column);

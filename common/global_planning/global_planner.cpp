@@ -21,6 +21,7 @@
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/lattice_route.hpp"
 #include "global_planning/reachability.hpp"
+#include "global_planning/roadmap.hpp"
 #include "global_planning/route_finish.hpp"
 
 namespace hedgehop::global_planning {
@@ -225,9 +226,10 @@ GlobalOptions read_global_options(ConfigReader& reader) {
   options.turn_rule =
       static_cast<TurnRule>(word("turn_rule", {"none", "insertion", "heading_labels"}));
   const std::string planner = reader.required_string("planner");
-  reader.require(planner == "lattice" || planner == "bit_star", "planner",
-                 "must be lattice or bit_star");
-  options.use_lattice = planner == "lattice";
+  reader.require(planner == "lattice" || planner == "bit_star" || planner == "roadmap", "planner",
+                 "must be lattice, bit_star or roadmap");
+  options.use_lattice = planner != "bit_star";
+  options.use_roadmap = planner == "roadmap";
   options.refine = reader.required_bool("refine");
   positive("field_block_m", options.field_block_m);
   options.work_budget = reader.required_integer("work_budget");
@@ -275,7 +277,11 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
     }
   };
   tell(std::numeric_limits<double>::infinity());
-  if (options.use_lattice) {
+  if (options.use_roadmap && problem.roadmap != nullptr) {
+    route.waypoints =
+        roadmap_route(envelope, *problem.roadmap, search_budget, route.work_units, should_stop);
+  }
+  if (options.use_lattice && route.waypoints.empty()) {
     route.waypoints =
         lattice_route(envelope, options, search_budget, route.work_units, should_stop);
   }

@@ -46,6 +46,7 @@ struct GlobalOptions {
   TurnRule turn_rule = TurnRule::kInsertion;
   double radius_max_m = 0.0;     // longer edges are left to the shortcut scan
   bool use_lattice = false;      // first route from search_lattice; BIT* only where that fails
+  bool use_roadmap = false;      // before that, from a Roadmap, where the problem has one
   bool refine = false;           // corridor refinement of the first planner's route
   double field_block_m = 0.0;    // resolution of the cost field that leads the lattice search
   std::int64_t work_budget = 0;  // legs evaluated plus states drawn; ten legs of refine() are one
@@ -67,15 +68,19 @@ struct RouteProgress {
 };
 using OnProgress = std::function<void(const RouteProgress&)>;
 
+class Roadmap;
+
 /// Start and goal of a search, altitudes AMSL.
 struct RouteProblem {
   flight::Waypoint start;
   flight::Waypoint goal;
   std::uint64_t seed = 1;
   std::int64_t work_budget = 0;
+  const Roadmap* roadmap = nullptr;  // of the map under these costs and options, or null
 };
 
-/// Plans one leg: lattice search (BIT* where that finds nothing, or if asked for), lowest profile,
+/// Plans one leg: route of a roadmap if asked for and given, else or where that finds nothing
+/// lattice search (BIT* where that finds nothing, or if asked for), lowest profile,
 /// corridor refinement, shortcut scan, equidistant interpolation. The route carries a strict lower
 /// bound of its cost, see CostBound. Why there is no route is told with cause, place and number.
 ///

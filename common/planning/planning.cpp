@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/angles.hpp"
+#include "planning/roadmap_store.hpp"
 #include "planning/route_flight.hpp"
 #include "planning/route_parts.hpp"
 
@@ -103,9 +104,18 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
   const global_planning::GlobalOptions global = global_options(config, speed_mps);
   const std::int64_t budget =
       request.work_budget > 0 ? request.work_budget : config.global.work_budget;
+  KeptRoadmap roadmap;
+  if (config.global.use_roadmap) {
+    roadmap = config.roadmap;
+    if (!roadmap.roadmap || roadmap.key != roadmap_key(map, config)) {
+      const ReadyRoadmap ready = ready_roadmap(map, config, {}, observer);
+      roadmap = {ready.roadmap, ready.key};
+    }
+  }
   const auto legs = static_cast<std::int64_t>(stops.size()) - 1;
   for (std::int64_t leg = 0; leg < legs; ++leg) {
-    const global_planning::RouteProblem problem = leg_problem(stops, request, config, leg);
+    global_planning::RouteProblem problem = leg_problem(stops, request, config, leg);
+    problem.roadmap = roadmap.roadmap.get();
     const double dx_m = problem.goal.x_m - problem.start.x_m;
     const double dy_m = problem.goal.y_m - problem.start.y_m;
     if (std::sqrt(dx_m * dx_m + dy_m * dy_m) < config.demands.goal_radius_m) {

@@ -1,20 +1,29 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "base/hash.hpp"
 #include "base/observer.hpp"
 #include "command_model/command_model.hpp"
 #include "flight/plan.hpp"
 #include "global_planning/global_planner.hpp"
+#include "global_planning/roadmap.hpp"
 #include "local_planning/local_planner.hpp"
 #include "map/map.hpp"
 #include "risk/cost_model.hpp"
 #include "verification/verifier.hpp"
 
 namespace hedgehop::planning {
+
+/// A roadmap and what it was made of (roadmap_key()).
+struct KeptRoadmap {
+  std::shared_ptr<const global_planning::Roadmap> roadmap;  // may be null
+  Hash128 key;
+};
 
 /// Everything that shapes a plan besides the map and the request; read from one YAML document that
 /// holds the vehicle too.
@@ -31,6 +40,8 @@ struct PlanningConfig {
   verification::Demands demands;
   command_model::Vehicle vehicle;  // with power_limits, if the conditions say so
   flight::Conditions conditions = {};
+  // Shapes nothing: saves plan_route() the making, if it is the one of the map and this config.
+  KeptRoadmap roadmap = {};
 };
 
 /// Throws ConfigError. `name` is what errors call the document.

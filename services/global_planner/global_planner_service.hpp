@@ -6,6 +6,7 @@
 
 #include "messages/plan_messages.hpp"
 #include "planning/planning.hpp"
+#include "planning/roadmap_store.hpp"
 #include "services/shared/config_memory.hpp"
 #include "services/shared/planner_desk.hpp"
 
@@ -27,7 +28,7 @@ class GlobalPlannerService {
   }
 
   GlobalPlannerService(const PlannerOptions& options, bus::Bus& bus, bus::BlobExchange& exchange,
-                       bus::ServiceLoop& loop, RoutePlanner planner = planning::plan_route,
+                       bus::ServiceLoop& loop, RoutePlanner planner = planning::RoadmapKeeper(),
                        std::string name = bus::provenance_of("global_planner"));
 
   void tick(Time now) { desk_.tick(now); }

@@ -738,6 +738,7 @@ class ExitCodes(CliTest):
         "prepare": (["--dem", "none.tif", "--out", "x"], 5),
         "fetch": (["--bbox", "1,2,3,4"], 2),
         "info": (["none"], 5),
+        "roadmap": (["none"], 5),
         "plan": (["--map", "none", "--start", "49.5,11.4", "--goal", "49.6,11.5", "--out", "x"], 5),
         "verify": (["none", "--map", "none"], 5),
         "export": (["none", "--format", "kml", "--out", "x"], 5),
@@ -868,7 +869,7 @@ class Help(CliTest):
 
     def test_each_verb_has_a_test_of_its_json(self):
         tested = {"prepare", "plan", "verify", "report", "export", "config", "evaluate", "info", "serve", "request", "replay", "log",
-                  "watch", "doctor", "demo", "completion", "man", "fetch",  # fetch in tests/fetch/fetch_test.py
+                  "watch", "doctor", "demo", "completion", "man", "roadmap", "fetch",  # fetch in tests/fetch/fetch_test.py
                   "patch"}  # the last one in tests/services/chain_test.py
         self.assertEqual(set(self.verbs()) - tested, set(), "add a test to the class Json, then the verb to this list")
 
@@ -1380,6 +1381,26 @@ class Json(CliTest):
         found = self.one_object("info", self.map, schema_version=2)  # that of the map
         self.assertRegex(found["map_hash"], "^[0-9a-f]{32}$")
         self.one_object("info", self.map, "--at", START)
+
+    def test_roadmap(self):
+        shutil.copytree(self.map, self.work / "map")
+        made = self.one_object("roadmap", self.work / "map")
+        self.assertTrue(made["is_built"])
+        self.assertEqual(made["file"], str(self.work / "map.roadmap"))
+        self.assertEqual(made["bytes"], (self.work / "map.roadmap").stat().st_size)
+        self.assertGreater(made["columns"] * made["rows"], 100)
+        self.assertFalse(self.one_object("roadmap", self.work / "map")["is_built"])
+        plan = ["plan", "--map", self.work / "map", "--start", START, "--goal", GOAL, "--work", WORK, "--set", "global.planner=roadmap"]
+        results = []
+        for out in ("read", "made"):
+            result = self.hedgehop(*plan, "--out", self.work / out)
+            self.assertIn(result.returncode, (0, 4), result.stderr)
+            results.append(result.stderr)
+            # damaged: made anew, with a word about it
+            (self.work / "map.roadmap").write_bytes((self.work / "map.roadmap").read_bytes()[:-3] + b"abc")
+        self.assertNotIn("roadmap made", results[0])
+        self.assertRegex(results[1], "roadmap made: .*map.roadmap is not used: it is damaged")
+        self.assertEqual((self.work / "read" / "route.geojson").read_bytes(), (self.work / "made" / "route.geojson").read_bytes())
 
     def test_doctor(self):
         found = self.one_object("doctor", allowed=(0, 1))

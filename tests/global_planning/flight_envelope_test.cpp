@@ -1,5 +1,6 @@
 #include "global_planning/flight_envelope.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <gtest/gtest.h>
 #include <limits>
@@ -297,6 +298,38 @@ TEST(FlightEnvelope, AMetreBesideAnAvoidedRouteCostsMoreAndFartherAwayNothing) {
   EXPECT_NEAR(envelope.route_cost_m({{1500.0, 600.0, 140.0}, {1500.0, 1500.0, 140.0}}, 1.0),
               900.0 + 2.5 * 300.0, 2.5 * 30.0);
   EXPECT_EQ(envelope.least_density(beside), bound) << "bounds are those of the costs alone";
+}
+
+TEST(FlightEnvelope, TheLeastDensityOfACellIsThatOfItsLowestPlaceAndNoPlaceCostsLess) {
+  const auto seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 60, 30.0, 1000.0, 200.0),
+                        risk::CostWeights{25.0, 0.02, 4.0, 0.01});
+  const GlobalOptions options = test::shipped_global_options();
+  // Far from both ends, whose funnels lower the floor.
+  const FlightEnvelope envelope(in.costs, options, in.above(200, 200), in.above(300, 200));
+  int cells = 0;
+  for (int row = 30; row < 50; ++row) {
+    for (int column = 30; column < 50; ++column) {
+      double sampled = std::numeric_limits<double>::infinity();
+      constexpr int kSide = 16;
+      for (int k = 0; k < kSide * kSide; ++k) {
+        const geo::MapPoint point{30.0 * (column + (k % kSide + 0.5) / kSide),
+                                  30.0 * (row + (k / kSide + 0.5) / kSide)};
+        const AltitudeBand band = envelope.band_at(point);
+        if (band.is_flyable()) {
+          sampled =
+              std::min(sampled, envelope.density_at({point.x_m, point.y_m, band.low_m + 1e-9}));
+        }
+      }
+      const double least = envelope.least_density({column, row});
+      EXPECT_LE(least, sampled);
+      if (sampled < std::numeric_limits<double>::infinity()) {
+        ++cells;
+        EXPECT_GE(least, 0.93 * sampled) << "at a corner of a quarter";
+      }
+    }
+  }
+  EXPECT_GT(cells, 50);
 }
 
 }  // namespace
