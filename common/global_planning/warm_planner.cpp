@@ -204,7 +204,7 @@ bool WarmPlanner::lower(std::vector<Waypoint>& route) const {
   return true;
 }
 
-void WarmPlanner::improve(std::vector<Waypoint>& route, const Waypoint& from, const Waypoint& to,
+void WarmPlanner::improve(std::vector<Waypoint>& route, Waypoint from, Waypoint to,
                           std::int64_t& work_units) const {
   for (const Pass& pass : kPasses) {
     for (int repeat = 0; repeat < pass.repeats; ++repeat) {

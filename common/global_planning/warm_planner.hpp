@@ -61,8 +61,8 @@ class WarmPlanner {
   // The same ground track as low as it may be flown, if that is cheaper.
   bool lower(std::vector<flight::Waypoint>& route) const;
   // Moves what lies between two waypoints of a route sideways and flies all of it low.
-  void improve(std::vector<flight::Waypoint>& route, const flight::Waypoint& from,
-               const flight::Waypoint& to, std::int64_t& work_units) const;
+  void improve(std::vector<flight::Waypoint>& route, flight::Waypoint from, flight::Waypoint to,
+               std::int64_t& work_units) const;
   [[nodiscard]] bool is_changed(const geo::MapPoint& point) const;
 
   GlobalOptions options_;
