@@ -158,7 +158,7 @@ class BitStarSearch {
   RandomSource random_;
   double climb_tangent_max_;  // of both ways
   bool is_directed_;          // an edge may be allowed one way alone
-  double first_inflation_;  // of the bound ahead, in the search for a first route
+  double first_inflation_;    // of the bound ahead, in the search for a first route
   double long_leg_m_;
 
   // Bounds by eq. (1), to the goal and from the start, and their least sum over each cell.
