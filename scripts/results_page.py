@@ -246,9 +246,12 @@ class Page:
                              number(row["first_route_s_median"], 3), number(row["cost_over_best_median"], 3),
                              number(row["cost_over_best_p95"], 3), number(row["cost_over_bound_median"], 3)])
                 if row["planner"] == "recommended" and row["budget_s"] == 0.5:
-                    def why(name, later=later):
-                        return "the search still goes on: " + ", ".join(
-                            f"after {budget:.0f} s {number(row[name], 3)}" for budget, row in later.items()) if later else ""
+                    def why(name, now=row, later=later):
+                        if not later:
+                            return ""
+                        still = any(row[name] < now[name] - 0.0005 for row in later.values())
+                        return ("the search still goes on: " if still else "it ends beside the best corridor: ") + ", ".join(
+                            f"after {budget:.0f} s {number(row[name], 3)}" for budget, row in later.items())
                     self.below("cost over best known after 0.5 s, median at most 1.01", region,
                                row["cost_over_best_median"], 1.01, number(row["cost_over_best_median"], 3),
                                why("cost_over_best_median"))
