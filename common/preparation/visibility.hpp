@@ -100,12 +100,12 @@ struct VisibilitySums {
 /// @param sums       null, or takes the sums, which updates need.
 /// @throws std::invalid_argument  options, sizes or SIMD that are not possible
 /// @throws Interrupted
-/// @note  With 180 azimuths over 5 km of 30 m cells, on a busy 2.9 GHz Xeon (Sapphire Rapids): 2.0
-/// to
-///        2.2 us of processor time for each cell with AVX-512, 3.2 to 3.5 us with AVX2. These are
+/// @note  With 180 azimuths over 5 km of 30 m cells, on a busy 2.9 GHz Xeon (Sapphire Rapids):
+///        2.2 to 2.3 us of processor time for each cell with AVX-512, 3.5 to 4 us with AVX2, and a
+///        fifth more with 216. 180 are
 ///        26,908 samples a cell. The bare inner loop over ground that is in the nearest cache takes
 ///        0.058 ns a sample there with AVX-512 and 0.105 ns with AVX2 (tests/bench/visibility_bench
-///        measures it), so 1.55 and 2.8 us for all of a cell's samples: the layer is at 1.3 and 1.2
+///        measures it), so 1.55 and 2.8 us for all of a cell's samples: the layer is at 1.4 and 1.3
 ///        times that. It looks at half of them, since nobody sees the blocks of the others, and
 ///        spends a third of its time on finding these blocks and on interpolating the ground.
 ///        Four further heights take 2.7 to 2.9 times as long with AVX-512, 3.1 times with AVX2.
