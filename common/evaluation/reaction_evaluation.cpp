@@ -8,6 +8,7 @@
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
 #include "base/errors.hpp"
+#include "command_model/planned_state.hpp"
 #include "evaluation/flown_route.hpp"
 #include "evaluation/paired_statistics.hpp"
 #include "global_planning/random_source.hpp"
@@ -28,19 +29,6 @@ double heading_math_rad(double true_rad, const flight::FlightState& state) {
 
 double commanded_rad(const flight::FlightState& state) {
   return heading_math_rad(state.commanded_heading_true_rad, state);
-}
-
-// The vehicle as it flies there.
-command_model::ModelState model_state_of(const flight::FlightState& state) {
-  command_model::ModelState model = command_model::trimmed_state(
-      state.x_m, state.y_m, state.altitude_m, state.speed_mps,
-      heading_math_rad(state.heading_true_rad, state), state.climb_rate_mps);
-  model.bank_left_rad = -state.bank_rad;
-  model.roll_rate_left_radps = -state.roll_rate_radps;
-  model.pitch_rad = state.pitch_rad;
-  model.pitch_rate_radps = state.pitch_rate_radps;
-  model.vertical_acceleration_mps2 = state.vertical_acceleration_mps2;
-  return model;
 }
 
 std::vector<double> distances_m(const flight::Trajectory& trajectory) {
@@ -121,7 +109,7 @@ ReactionEvent event_of(const map::Map& map, const planning::PlanningConfig& conf
                        const planning::ReactionOptions& options, const flight::Trajectory& plan,
                        const Drawn& drawn, const std::function<double()>& clock_s) {
   const flight::FlightState& here = plan.states[drawn.step];
-  const planning::FlightUnderPlan flight{&plan, drawn.step, model_state_of(here),
+  const planning::FlightUnderPlan flight{&plan, drawn.step, command_model::model_state_of(here),
                                          commanded_rad(here)};
   SilentObserver observer;
   ReactionEvent event;

@@ -9,29 +9,12 @@
 
 #include "base/elementary.hpp"
 #include "global_planning/cost_field.hpp"
+#include "global_planning/lattice_directions.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kDirections = 16;
-// Counter-clockwise from east.
-constexpr std::array<std::array<int, 2>, kDirections> kStep = {{{1, 0},
-                                                                {2, 1},
-                                                                {1, 1},
-                                                                {1, 2},
-                                                                {0, 1},
-                                                                {-1, 2},
-                                                                {-1, 1},
-                                                                {-2, 1},
-                                                                {-1, 0},
-                                                                {-2, -1},
-                                                                {-1, -1},
-                                                                {-1, -2},
-                                                                {0, -1},
-                                                                {1, -2},
-                                                                {1, -1},
-                                                                {2, -1}}};
 constexpr double kTurnMax_rad = 0.46364760900080609;  // between (1, 0) and (2, 1)
 // The band is sampled this densely; the profile is exact afterwards.
 constexpr double kStep_m = 15.0;
@@ -91,8 +74,8 @@ class Search {
     const double unit_m = 2.0 * options.turn_radius_m * turn_tangent;
     const double knight_m = 2.0 * options.turn_radius_m *
                             elementary::tan(0.5 * (0.25 * std::numbers::pi - kTurnMax_rad));
-    for (int d = 0; d < kDirections; ++d) {
-      const auto& step = kStep[static_cast<std::size_t>(d)];
+    for (int d = 0; d < kLatticeDirections; ++d) {
+      const auto& step = kLatticeStep[static_cast<std::size_t>(d)];
       const double length_m =
           spacing_m_ * std::sqrt(static_cast<double>(step[0] * step[0] + step[1] * step[1]));
       const double needed_m = d % 4 == 2 ? knight_m : unit_m;
@@ -111,7 +94,8 @@ class Search {
     columns_ = west_ + 1 + static_cast<int>(std::floor((east_m - from.x_m) / spacing_m_));
     rows_ = south_ + 1 + static_cast<int>(std::floor((north_m - from.y_m) / spacing_m_));
     first_label_.assign(
-        static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) * kDirections, -1);
+        static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) * kLatticeDirections,
+        -1);
   }
 
   /// Goes on until `work_units` in total, the first track, nothing left, or `should_stop`.
@@ -209,19 +193,19 @@ class Search {
 
   void expand(std::int32_t index, const Label& label) {
     if (label.direction >= 0) {
-      const auto& onwards = kStep[static_cast<std::size_t>(label.direction)];
+      const auto& onwards = kLatticeStep[static_cast<std::size_t>(label.direction)];
       step(index, label, label.column + onwards[0], label.row + onwards[1], label.direction);
     }
     const int from = label.direction >= 0 ? label.direction - 1 : 0;
-    const int to = label.direction >= 0 ? label.direction + 1 : kDirections - 1;
+    const int to = label.direction >= 0 ? label.direction + 1 : kLatticeDirections - 1;
     for (int turned = from; turned <= to; ++turned) {
       if (turned == label.direction) {
         continue;
       }
-      const int d = (turned + kDirections) % kDirections;
+      const int d = (turned + kLatticeDirections) % kLatticeDirections;
       const int times = repeats_[static_cast<std::size_t>(d)];
-      step(index, label, label.column + times * kStep[static_cast<std::size_t>(d)][0],
-           label.row + times * kStep[static_cast<std::size_t>(d)][1], d);
+      step(index, label, label.column + times * kLatticeStep[static_cast<std::size_t>(d)][0],
+           label.row + times * kLatticeStep[static_cast<std::size_t>(d)][1], d);
     }
     try_goal(index, label);
   }
@@ -250,7 +234,7 @@ class Search {
     if (direction >= 0) {
       chain = &first_label_[(static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
                              static_cast<std::size_t>(column)) *
-                                kDirections +
+                                kLatticeDirections +
                             static_cast<std::size_t>(direction)];
     }
     const FlightEnvelope::Arrival arrival = follow(a, b, from, from.before < 0);
@@ -346,7 +330,7 @@ class Search {
   const CostField* field_;  // null: own_field_
   std::optional<CostField> own_field_;
   double spacing_m_ = 0.0;
-  std::array<int, kDirections> repeats_{};
+  std::array<int, kLatticeDirections> repeats_{};
   int west_ = 0;   // column of the start
   int south_ = 0;  // its row
   int columns_ = 0;

@@ -73,8 +73,8 @@ class Query {
         roadmap_(roadmap),
         field_(roadmap.field(), envelope.goal().point(), envelope.start().point()) {
     const double share = Roadmap::rules().climb_share;
-    for (int d = 0; d < Roadmap::kDirections; ++d) {
-      const auto& step = Roadmap::kStep[static_cast<std::size_t>(d)];
+    for (int d = 0; d < kLatticeDirections; ++d) {
+      const auto& step = kLatticeStep[static_cast<std::size_t>(d)];
       const double length_m = roadmap.spacing_m() *
                               std::sqrt(static_cast<double>(step[0] * step[0] + step[1] * step[1]));
       rise_m_[static_cast<std::size_t>(d)] = share * envelope.slopes().greatest().up * length_m;
@@ -197,12 +197,12 @@ class Query {
   void expand(std::int32_t index) {
     const std::int32_t direction = labels_[static_cast<std::size_t>(index)].direction;
     if (direction < 0) {
-      for (int d = 0; d < Roadmap::kDirections; ++d) {
+      for (int d = 0; d < kLatticeDirections; ++d) {
         step(index, d);
       }
     } else {
       for (int d = direction - 1; d <= direction + 1; ++d) {
-        step(index, (d + Roadmap::kDirections) % Roadmap::kDirections);
+        step(index, (d + kLatticeDirections) % kLatticeDirections);
       }
     }
     try_goal(index);
@@ -210,7 +210,7 @@ class Query {
 
   void step(std::int32_t index, int direction) {
     const Label from = labels_[static_cast<std::size_t>(index)];
-    const auto& offset = Roadmap::kStep[static_cast<std::size_t>(direction)];
+    const auto& offset = kLatticeStep[static_cast<std::size_t>(direction)];
     const int column = from.column + offset[0];
     const int row = from.row + offset[1];
     if (column < 0 || column >= roadmap_.columns() || row < 0 || row >= roadmap_.rows()) {
@@ -250,7 +250,7 @@ class Query {
     std::int32_t& chain =
         first_label_[(static_cast<std::size_t>(row) * static_cast<std::size_t>(roadmap_.columns()) +
                       static_cast<std::size_t>(column)) *
-                         Roadmap::kDirections +
+                         kLatticeDirections +
                      static_cast<std::size_t>(direction)];
     int count = 0;
     for (std::int32_t at = chain; at >= 0; at = labels_[static_cast<std::size_t>(at)].next) {
@@ -301,7 +301,7 @@ class Query {
   const Roadmap& roadmap_;
   CostField field_;
   // The most that an edge may climb and sink, whatever the altitude.
-  std::array<double, Roadmap::kDirections> rise_m_{}, fall_m_{};
+  std::array<double, kLatticeDirections> rise_m_{}, fall_m_{};
   std::vector<std::int32_t> first_label_;  // per node and direction
   std::vector<Label> labels_;
   std::vector<Entry> queue_;
@@ -328,8 +328,9 @@ Roadmap::Roadmap(const risk::CostModel& costs, const GlobalOptions& options, Obs
       geometry.west_m + 0.5 * (geometry.east_m() - geometry.west_m - (columns_ - 1) * spacing_m_);
   south_m_ =
       geometry.south_m + 0.5 * (geometry.north_m() - geometry.south_m - (rows_ - 1) * spacing_m_);
-  edges_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) * kDirections,
-                kNoEdge);
+  edges_.assign(
+      static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) * kLatticeDirections,
+      kNoEdge);
   for (int row = 0; row < rows_; ++row) {
     observer.check_stop();
     observer.progress("roadmap", static_cast<double>(row), static_cast<double>(rows_));
@@ -339,8 +340,8 @@ Roadmap::Roadmap(const risk::CostModel& costs, const GlobalOptions& options, Obs
       if (!band.is_flyable()) {
         continue;
       }
-      for (int d = 0; d < kDirections; ++d) {
-        const auto& step = kStep[static_cast<std::size_t>(d)];
+      for (int d = 0; d < kLatticeDirections; ++d) {
+        const auto& step = kLatticeStep[static_cast<std::size_t>(d)];
         const int to_column = column + step[0];
         const int to_row = row + step[1];
         if (to_column < 0 || to_column >= columns_ || to_row < 0 || to_row >= rows_) {
@@ -364,7 +365,7 @@ Roadmap::Roadmap(const risk::CostModel& costs, const GlobalOptions& options, Obs
                           kRules);
         edges_[(static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
                 static_cast<std::size_t>(column)) *
-                   kDirections +
+                   kLatticeDirections +
                static_cast<std::size_t>(d)] = {
             static_cast<float>(back.altitudes.low_m),  static_cast<float>(back.altitudes.high_m),
             static_cast<float>(there.altitudes.low_m), static_cast<float>(there.altitudes.high_m),
@@ -436,7 +437,7 @@ std::optional<Roadmap> Roadmap::read(ByteView bytes, const Hash128& key,
     return refused("its lattice does not fit the map");
   }
   const std::size_t edges = static_cast<std::size_t>(header.columns) *
-                            static_cast<std::size_t>(header.rows) * kDirections;
+                            static_cast<std::size_t>(header.rows) * kLatticeDirections;
   const std::size_t edge_bytes = edges * sizeof(Edge);
   if (bytes.size() != sizeof header + edge_bytes + header.field_numbers * sizeof(float)) {
     return refused("it is cut off or too long");

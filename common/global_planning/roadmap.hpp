@@ -13,6 +13,7 @@
 #include "global_planning/cost_field.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/global_planner.hpp"
+#include "global_planning/lattice_directions.hpp"
 #include "raster/grid.hpp"
 #include "risk/cost_model.hpp"
 
@@ -30,24 +31,6 @@ namespace hedgehop::global_planning {
 /// Overmars, IEEE T-RA 12(4), 1996, doi:10.1109/70.508439, with a lattice in place of samples.
 class Roadmap {
  public:
-  static constexpr int kDirections = 16;
-  /// Columns and rows of one edge, counter-clockwise from east.
-  static constexpr std::array<std::array<int, 2>, kDirections> kStep = {{{1, 0},
-                                                                         {2, 1},
-                                                                         {1, 1},
-                                                                         {1, 2},
-                                                                         {0, 1},
-                                                                         {-1, 2},
-                                                                         {-1, 1},
-                                                                         {-2, 1},
-                                                                         {-1, 0},
-                                                                         {-2, -1},
-                                                                         {-1, -1},
-                                                                         {-1, -2},
-                                                                         {0, -1},
-                                                                         {1, -2},
-                                                                         {1, -1},
-                                                                         {2, -1}}};
   static constexpr double kRaised_m = 40.0;
 
   /// An edge in one direction; from_low_m > from_high_m: it cannot be flown.
@@ -80,7 +63,7 @@ class Roadmap {
   [[nodiscard]] const Edge& edge(int column, int row, int direction) const {
     return edges_[(static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
                    static_cast<std::size_t>(column)) *
-                      kDirections +
+                      kLatticeDirections +
                   static_cast<std::size_t>(direction)];
   }
   /// Rules that edges keep, with which a query joins its ends.

@@ -9,6 +9,7 @@
 
 #include "base/angles.hpp"
 #include "base/elementary.hpp"
+#include "command_model/planned_state.hpp"
 #include "local_planning/escape.hpp"
 #include "local_planning/flight_cost.hpp"
 #include "local_planning/vertical_pass.hpp"
@@ -158,8 +159,7 @@ class Reactor {
       step.state.speed_mps = state.speed_mps;
       step.state.heading_math_rad = math_rad(state.heading_true_rad);
       step.state.bank_left_rad = -state.bank_rad;
-      step.command = {state.commanded_speed_mps, math_rad(state.commanded_heading_true_rad),
-                      state.speed_mps * elementary::tan(state.commanded_climb_angle_rad)};
+      step.command = command_model::command_of(state);
     }
     steps.front().state = from_;
     return steps;

@@ -8,6 +8,7 @@
 #include "base/elementary.hpp"
 #include "base/errors.hpp"
 #include "base/shipped_config.hpp"
+#include "command_model/planned_state.hpp"
 #include "messages/message_error.hpp"
 #include "messages/plan_blobs.hpp"
 #include "planning/planning.hpp"
@@ -22,28 +23,6 @@ constexpr std::size_t kKnownRoutes = 1024;
 constexpr std::size_t kKeptModels = 16;
 constexpr std::size_t kLockstepTargetsMax = 1000;
 constexpr double kJoining_m = 0.5;  // a state is 2 m from the next one at 40 m/s
-
-// What the local planner told the model at a state of a trajectory.
-command_model::Command command_of(const flight::FlightState& state) {
-  return {state.commanded_speed_mps,
-          math_angle_from_azimuth_rad(
-              grid_from_true_azimuth_rad(state.commanded_heading_true_rad, state.convergence_rad)),
-          state.speed_mps * elementary::tan(state.commanded_climb_angle_rad)};
-}
-
-command_model::ModelState model_state_of(const flight::FlightState& state) {
-  command_model::ModelState model =
-      command_model::trimmed_state(state.x_m, state.y_m, state.altitude_m, state.speed_mps,
-                                   math_angle_from_azimuth_rad(grid_from_true_azimuth_rad(
-                                       state.heading_true_rad, state.convergence_rad)),
-                                   state.climb_rate_mps);
-  model.bank_left_rad = -state.bank_rad;
-  model.roll_rate_left_radps = -state.roll_rate_radps;
-  model.pitch_rad = state.pitch_rad;
-  model.pitch_rate_radps = state.pitch_rate_radps;
-  model.vertical_acceleration_mps2 = state.vertical_acceleration_mps2;
-  return model;
-}
 
 }  // namespace
 
@@ -345,8 +324,8 @@ void CommandModelService::take_off_if_ready(Time now) {
       planning::read_planning_config(next->route.config_text, "config of the route"));
   next->model = model;
   next->step_s = plan.trajectory.step_s;
-  next->state = model_state_of(plan.trajectory.states.front());
-  next->command = command_of(plan.trajectory.states.front());
+  next->state = command_model::model_state_of(plan.trajectory.states.front());
+  next->command = command_model::command_of(plan.trajectory.states.front());
   next->trajectory = std::move(plan.trajectory);
   prepare_path(*next);
   target_.reset();
@@ -432,7 +411,7 @@ void CommandModelService::react_to_news(Time now) {
       break;
   }
   prepare_path(*next);
-  next->command = command_of(next->trajectory->states.front());
+  next->command = command_model::command_of(next->trajectory->states.front());
   next->continue_from(*flight_, options_.reaction.heading_rate_max_radps);
   // What was published for this step stands, so that nobody sees two turns in one.
   next->command.heading_math_rad = flight_->command.heading_math_rad;
@@ -523,8 +502,8 @@ void CommandModelService::fly(Time now) {
     if (flight.trajectory) {
       flight.note_deviation();
       const double before_rad = flight.command.heading_math_rad;
-      flight.command =
-          command_of(flight.trajectory->states[static_cast<std::size_t>(flight.step_number)]);
+      flight.command = command_model::command_of(
+          flight.trajectory->states[static_cast<std::size_t>(flight.step_number)]);
       if (flight.is_heading_limited) {
         flight.command.heading_math_rad = command_model::limited_heading_rad(
             before_rad, flight.command.heading_math_rad,

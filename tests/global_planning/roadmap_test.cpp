@@ -43,8 +43,8 @@ TEST(Roadmap, OverAFlatPlainAnEdgeCostsItsLengthAtTheFloorAndAllowsTheWholeBand)
   const int column = roadmap.columns() / 2;
   const int row = roadmap.rows() / 2;
   const double above_reference_m = options.envelope_floor_m + 2.0 - 15.24;  // with the margin
-  for (int d = 0; d < Roadmap::kDirections; ++d) {
-    const auto& step = Roadmap::kStep[static_cast<std::size_t>(d)];
+  for (int d = 0; d < kLatticeDirections; ++d) {
+    const auto& step = kLatticeStep[static_cast<std::size_t>(d)];
     const Roadmap::Edge& edge = roadmap.edge(column, row, d);
     const double length_m = roadmap.spacing_m() * std::hypot(step[0], step[1]);
     EXPECT_NEAR(edge.low_cost_m, length_m * (1.0 + 0.01 * above_reference_m), 0.1) << d;
@@ -63,11 +63,11 @@ TEST(Roadmap, AnEdgeAllowsTheSameFlightsBothWays) {
   int flown = 0;
   for (int row = 2; row + 2 < roadmap.rows(); ++row) {
     for (int column = 2; column + 2 < roadmap.columns(); ++column) {
-      for (int d = 0; d < Roadmap::kDirections; ++d) {
-        const auto& step = Roadmap::kStep[static_cast<std::size_t>(d)];
+      for (int d = 0; d < kLatticeDirections; ++d) {
+        const auto& step = kLatticeStep[static_cast<std::size_t>(d)];
         const Roadmap::Edge& there = roadmap.edge(column, row, d);
         const Roadmap::Edge& back =
-            roadmap.edge(column + step[0], row + step[1], (d + 8) % Roadmap::kDirections);
+            roadmap.edge(column + step[0], row + step[1], (d + 8) % kLatticeDirections);
         ASSERT_EQ(there.from_low_m <= there.from_high_m, back.from_low_m <= back.from_high_m);
         if (there.from_low_m <= there.from_high_m) {
           ++flown;

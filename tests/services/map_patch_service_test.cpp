@@ -76,7 +76,23 @@ class MapPatchService : public testing::Test {
       return patch != chain_.patches.end() && patch->second.is_present == is_present;
     });
   }
+  // All stages, and a request across the hills whose flight command_model takes up. Its id.
+  Hash128 begin_flight(const services::CommandModelOptions& options) {
+    chain_.add_map_tiler(hills());
+    chain_.add_global_planner();
+    chain_.add_local_planner();
+    chain_.add_command_model(options);
+    chain_.listener().bus.subscribe<messages::ServiceStatus>(
+        messages::kServiceStatusChannel,
+        [this](const messages::ServiceStatus& status, const messages::Stamp&) {
+          said_ = status.name == "command_model" ? status.text : said_;
+        });
+    const auto config =
+        planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
+    return chain_.ask(test::across_the_hills(hills()), hills().hash, config.text).request_id;
+  }
   test::InProcessChain chain_;
+  std::string said_;  // by command_model
 };
 
 TEST_F(MapPatchService, PatchesAreNumberedInOrderAndTheMapOfTheIndexIsThePatchedOne) {
@@ -278,22 +294,9 @@ TEST_F(MapPatchService, ARouteOfAnotherPatchIsRefusedAndBothAreNamed) {
 }
 
 TEST_F(MapPatchService, AFlightUnderWayIsPlannedAgainFromAheadAndFlownOnWithoutAJump) {
-  chain_.add_map_tiler(hills());
-  chain_.add_global_planner();
-  chain_.add_local_planner();
   services::CommandModelOptions options = test::InProcessChain::shipped_command_model();
   options.replan_lead_s = 2.0;
-  chain_.add_command_model(options);
-  std::string said;
-  chain_.listener().bus.subscribe<messages::ServiceStatus>(
-      messages::kServiceStatusChannel,
-      [&](const messages::ServiceStatus& status, const messages::Stamp&) {
-        said = status.name == "command_model" ? status.text : said;
-      });
-  const auto config =
-      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
-  const Hash128 first =
-      chain_.ask(test::across_the_hills(hills()), hills().hash, config.text).request_id;
+  const Hash128 first = begin_flight(options);
   ASSERT_TRUE(chain_.turn_until([&] { return chain_.vehicle_states.size() >= 5; }));
   ASSERT_EQ(chain_.vehicle_states.back().request_id, first);
 
@@ -318,7 +321,7 @@ TEST_F(MapPatchService, AFlightUnderWayIsPlannedAgainFromAheadAndFlownOnWithoutA
   EXPECT_EQ(header.request_id, chain_.vehicle_states.back().request_id);
   EXPECT_EQ(header.patch_number, 1);
   EXPECT_EQ(header.map_hash, patched({wall(60)}).hash);
-  ASSERT_TRUE(chain_.turn_until([&] { return said.find("on patch 1") != std::string::npos; }));
+  ASSERT_TRUE(chain_.turn_until([&] { return said_.find("on patch 1") != std::string::npos; }));
 
   // The rest of the flight: from the path on to the same goal, and around the area.
   ASSERT_TRUE(chain_.turn_until([&] { return chain_.plan().has_value(); }));
@@ -337,21 +340,9 @@ TEST_F(MapPatchService, AFlightUnderWayIsPlannedAgainFromAheadAndFlownOnWithoutA
 
 // Nobody plans again here: what happens, the flight does by itself.
 TEST_F(MapPatchService, WhatAppearsAheadChangesTheNextStepAndNoCommandedHeadingJumps) {
-  chain_.add_map_tiler(hills());
-  chain_.add_global_planner();
-  chain_.add_local_planner();
   services::CommandModelOptions options = test::InProcessChain::shipped_command_model();
   options.replan_lead_s = 0.0;
-  chain_.add_command_model(options);
-  std::string said;
-  chain_.listener().bus.subscribe<messages::ServiceStatus>(
-      messages::kServiceStatusChannel,
-      [&](const messages::ServiceStatus& status, const messages::Stamp&) {
-        said = status.name == "command_model" ? status.text : said;
-      });
-  const auto config =
-      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
-  chain_.ask(test::across_the_hills(hills()), hills().hash, config.text);
+  begin_flight(options);
   ASSERT_TRUE(chain_.turn_until(
       [&] { return chain_.vehicle_states.size() >= 20 && chain_.plan().has_value(); }));
   const std::vector<flight::FlightState> plan = chain_.plan()->trajectory.states;
@@ -387,21 +378,15 @@ TEST_F(MapPatchService, WhatAppearsAheadChangesTheNextStepAndNoCommandedHeadingJ
   // A state may have been on its way before the patch was.
   EXPECT_GE(first_changed, before);
   EXPECT_LE(first_changed, before + 2);
-  EXPECT_TRUE(chain_.turn_until([&] { return said.find("has appeared") != std::string::npos; }))
-      << said;
+  EXPECT_TRUE(chain_.turn_until([&] { return said_.find("has appeared") != std::string::npos; }))
+      << said_;
 }
 
 TEST_F(MapPatchService, AFlightUnderControllersReactsWithoutAJumpToo) {
-  chain_.add_map_tiler(hills());
-  chain_.add_global_planner();
-  chain_.add_local_planner();
   services::CommandModelOptions options = test::InProcessChain::shipped_command_model();
   options.replan_lead_s = 0.0;
   options.plant = services::CommandModelOptions::Plant::kClosedLoop;
-  chain_.add_command_model(options);
-  const auto config =
-      planning::read_planning_config(planning::effective_planning_config("", {}), "shipped");
-  chain_.ask(test::across_the_hills(hills()), hills().hash, config.text);
+  begin_flight(options);
   ASSERT_TRUE(chain_.turn_until(
       [&] { return chain_.vehicle_states.size() >= 10 && chain_.plan().has_value(); }));
   const messages::VehicleState here = chain_.vehicle_states.back();

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "command_model/command_model.hpp"
+#include "flight/trajectory.hpp"
+
+namespace hedgehop::command_model {
+
+/// The model at a state of a trajectory, its integrator settled.
+ModelState model_state_of(const flight::FlightState& state);
+
+/// What the local planner told the model there.
+Command command_of(const flight::FlightState& state);
+
+}  // namespace hedgehop::command_model
