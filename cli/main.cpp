@@ -114,6 +114,7 @@ int main(int argc, char** argv) {
   add_export_verb(app, console);
   add_report_verb(app, console);
   add_evaluate_verb(app, console);
+  add_tune_verb(app, console);
   add_serve_verb(app, console);
   add_request_verb(app, console);
   add_patch_verb(app, console);

@@ -24,6 +24,7 @@ void add_report_verb(CLI::App& app, Console& console);
 void add_request_verb(CLI::App& app, Console& console);
 void add_roadmap_verb(CLI::App& app, Console& console);
 void add_serve_verb(CLI::App& app, Console& console);
+void add_tune_verb(CLI::App& app, Console& console);
 void add_verify_verb(CLI::App& app, Console& console);
 void add_watch_verb(CLI::App& app, Console& console);
 

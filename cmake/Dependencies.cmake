@@ -22,6 +22,7 @@ find_package(OpenSSL REQUIRED)
 find_package(CURL REQUIRED)
 pkg_check_modules(LCM REQUIRED IMPORTED_TARGET lcm)
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)
+pkg_check_modules(NLOPT REQUIRED IMPORTED_TARGET nlopt)
 
 # Debian's ompl-config.cmake names Boost libraries that libompl-dev does not bring.
 find_path(OMPL_INCLUDE_DIR ompl/base/Planner.h PATH_SUFFIXES ompl-1.5 ompl REQUIRED)

@@ -70,7 +70,7 @@ program: maps, preparation, planning, verification, exports, the bus. Found
 with find_package(Hedgehop) or pkg-config."
   SECTION libdevel
   DEPENDS "hedgehop-lcmtypes (= ${PROJECT_VERSION})" liblcm-dev libglib2.0-dev libeigen3-dev libompl-dev libopencv-core-dev
-          libopencv-imgproc-dev libyaml-cpp-dev libgdal-dev libproj-dev libosmium2-dev libtbb-dev libhwy-dev libzstd-dev
+          libopencv-imgproc-dev libyaml-cpp-dev libgdal-dev libproj-dev libosmium2-dev libtbb-dev libhwy-dev libnlopt-dev libzstd-dev
           libxxhash-dev libssl-dev libcurl4-openssl-dev libboost-dev libfmt-dev nlohmann-json3-dev libexpat1-dev libbz2-dev zlib1g-dev)
 hedgehop_package(types hedgehop-lcmtypes
   "contour flight planning over real terrain: LCM message types"

@@ -50,7 +50,7 @@ ROOMS = {
     "messages": (["planning", "map", "flight"], [], ["hedgehop/"]),
     "bus": (["messages", "base"], [], ["lcm/", "zstd.h"] + POSIX + SOCKETS),
     "fetch": (["geo", "base"], [], ["curl/", "openssl/"] + JSON + POSIX),
-    "evaluation": (["planning", "output", "preparation"], [], ["boost/math/"] + GDAL + JSON + POSIX + TBB),
+    "evaluation": (["planning", "output", "preparation"], [], ["boost/math/", "nlopt.h"] + GDAL + JSON + POSIX + TBB),
 }
 
 # Rooms in their order of dependency; these folders stand on top.

@@ -1,5 +1,6 @@
 #include "evaluation/flown_route.hpp"
 
+#include <cstdio>
 #include <variant>
 
 #include "evaluation/crowd_observer.hpp"
@@ -15,6 +16,22 @@ PlanningConfig config_with(const std::string& text, const std::vector<std::strin
     changed = set_config_value(changed, setting);
   }
   return planning::read_planning_config(changed, "planning config with settings of an evaluation");
+}
+
+std::string setting_of(const std::string& key, double value) {
+  char number[40];
+  std::snprintf(number, sizeof number, "%.10g", value);
+  return key + "=" + number;
+}
+
+double value_of(const PlanningConfig& config, const std::string& key) {
+  ConfigReader reader = ConfigReader::from_text(config.text, "base settings");
+  std::size_t begin = 0;
+  for (std::size_t end = key.find('.'); end != std::string::npos; end = key.find('.', begin)) {
+    reader = reader.required_section(key.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return reader.required_double(key.substr(begin));
 }
 
 namespace {

@@ -14,6 +14,11 @@ namespace hedgehop::evaluation {
 planning::PlanningConfig config_with(const std::string& text,
                                      const std::vector<std::string>& settings);
 
+/// `key=value`, with up to ten digits.
+std::string setting_of(const std::string& key, double value);
+/// The number that a planning config has under a dotted key. Throws ConfigError.
+double value_of(const planning::PlanningConfig& config, const std::string& key);
+
 /// Flies a route in each way that the config allows; nothing if the flight did not reach the goal.
 std::optional<planning::RouteFlight> flown(const risk::CostModel& costs,
                                            const planning::PlanningConfig& config,

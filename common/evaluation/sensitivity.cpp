@@ -80,22 +80,6 @@ void compare(const Outcomes& changed, const Outcomes& base, double required_clea
   }
 }
 
-std::string setting_of(const std::string& key, double value) {
-  char number[40];
-  std::snprintf(number, sizeof number, "%.10g", value);
-  return key + "=" + number;
-}
-
-double value_of(const PlanningConfig& config, const std::string& key) {
-  ConfigReader reader = ConfigReader::from_text(config.text, "base settings");
-  std::size_t begin = 0;
-  for (std::size_t end = key.find('.'); end != std::string::npos; end = key.find('.', begin)) {
-    reader = reader.required_section(key.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return reader.required_double(key.substr(begin));
-}
-
 }  // namespace
 
 SensitivityOptions read_sensitivity_options(ConfigReader& reader) {

@@ -636,6 +636,29 @@ class Interrupted(CliTest):
                 self.assertTrue(found["is_stopped"])
                 self.assertTrue(1 <= found_of(found) < whole, found_of(found))
 
+    def test_tuning_that_is_stopped_checks_and_writes_the_best_so_far(self):
+        area = self.work / "area"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        tuned = self.work / "tuned.yaml"
+        process = subprocess.Popen([HEDGEHOP, "tune", "--map", area, "--seed", "5", "--flights", "1", "--held-out", "1",
+                                    "--evaluations", "1000", "--set", "global.work_budget=60000", "--out", tuned, "--json"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self.environment(), cwd=self.work)
+        told = []
+        for line in process.stderr:
+            told.append(line)
+            if re.match(r"sets of parameters: \d+ %", line):
+                process.send_signal(signal.SIGINT)
+                break
+        out, rest = process.communicate(timeout=100)
+        self.assertEqual(process.returncode, 4, "".join(told) + rest)
+        self.assertIn("stopped early", rest)
+        found = json.loads(out)
+        self.assertTrue(found["is_stopped"])
+        self.assertTrue(1 <= found["evaluations"] < 1000, found["evaluations"])
+        self.assertEqual(found["held_out"]["tuned"]["flights"], 1)
+        self.assertIn(found["verdict"], tuned.read_text())
+
     def test_sigterm_stops_as_ctrl_c_does(self):
         stage = self.stages(self.prepare(self.hgt))[0]
         shutil.rmtree(self.work / "map")
@@ -764,6 +787,7 @@ class ExitCodes(CliTest):
         "evaluate flight": (["--map", "none"], 5),
         "evaluate bus": (["--threads", "0"], 2),
         "evaluate sensitivity": (["--map", "none"], 5),
+        "tune": (["--map", "none", "--out", "x.yaml"], 5),
         "patch add obstacle": (["--at", "49.5,11.4", "--radius-m", "-1", "--height-m", "5"], 2),
         "patch add threat": (["--at", "49.5,11.4", "--range-m", "-1", "--mast-height-m", "5"], 2),
         "patch add area": (["--corner", "49.5,11.4", "--timeout-s", "-1"], 2),
@@ -869,7 +893,7 @@ class Help(CliTest):
 
     def test_each_verb_has_a_test_of_its_json(self):
         tested = {"prepare", "plan", "verify", "report", "export", "config", "evaluate", "info", "serve", "request", "replay", "log",
-                  "watch", "doctor", "demo", "completion", "man", "roadmap", "fetch",  # fetch in tests/fetch/fetch_test.py
+                  "watch", "doctor", "demo", "completion", "man", "roadmap", "tune", "fetch",  # fetch in tests/fetch/fetch_test.py
                   "patch"}  # the last one in tests/services/chain_test.py
         self.assertEqual(set(self.verbs()) - tested, set(), "add a test to the class Json, then the verb to this list")
 
@@ -1283,6 +1307,55 @@ class Json(CliTest):
             self.assertEqual(sum(kind["reactions"].values()), 2)
             self.assertLessEqual(kind["heading_step_max_deg"], reaction["heading_step_limit_deg"] + 1e-6)
             self.assertEqual(kind["unsafe"], sum(not row["safe"] for row in reaction["rows"] if row["kind"] == kind["kind"]))
+
+    def test_tune(self):
+        area = self.work / "area"
+        result = self.hedgehop("prepare", "--dem", self.hgt, "--bbox", "11.2,49.4,11.5,49.6", "--cell-m", "90", "--out", area)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        tuned = self.work / "tuned.yaml"
+        mine = self.work / "mine.yaml"
+        mine.write_text("parameters:\n  - {key: local.weights.visibility, mode: any, low: 0.1, high: 6.4, logarithmic: true}\n")
+        arguments = ["tune", "--map", area, "--seed", "5", "--flights", "2", "--held-out", "1", "--evaluations", "4",
+                     "--parameter", "local.look_ahead_m=150:900:log", "--parameters", mine,
+                     "--routes", self.work / "routes", "--set", "global.work_budget=60000", "--out", tuned]
+        found = self.one_object(*arguments)
+        self.assertEqual(found["evaluations"], 4)
+        self.assertEqual([p["key"] for p in found["parameters"]], ["local.weights.visibility", "local.look_ahead_m"])
+        self.assertEqual([p["given"] for p in found["parameters"]], [0.8, 300.0])
+        for name, flights in (("training", 2), ("held_out", 1)):
+            self.assertEqual(found[name]["given"]["flights"], flights)
+            self.assertEqual(found[name]["tuned"]["flights"], flights)
+            self.assertEqual(len(found[name]["flight_cost_by_map"]), 1)
+        self.assertLessEqual(found["training"]["flight_cost"]["change"], 0.0)
+        self.assertIs(found["is_better"], found["verdict"].startswith("take"))
+        text = tuned.read_text()
+        self.assertIn("# " + found["verdict"], text)
+        # What was found is a configuration as it stands.
+        origin = self.hedgehop("config", "show", "--origin", "--config", tuned).stdout
+        for parameter in found["parameters"]:
+            value = re.escape(format(parameter["tuned"], ".10g"))
+            self.assertRegex(origin, rf"(?m)^{re.escape(parameter['key'])} +{value} .*tuned.yaml:\d+$")
+        plan = self.one_object(*self.plan_arguments("--config", tuned), allowed=(0, 4))
+        self.assertEqual(plan["schema"], "hedgehop plan result")
+        # Other threads, and routes that are kept, change nothing.
+        again = self.one_object(*arguments, "--threads", "1")
+        self.assertEqual(again, found)
+        self.assertEqual(tuned.read_text(), text)
+        shown = self.hedgehop(*arguments[:-2], "--out", self.work / "other.yaml").stdout
+        self.assertIn(found["verdict"], shown)
+
+        def refused(message, *more):
+            result = self.hedgehop("tune", "--map", area, "--seed", "5", "--flights", "1", "--held-out", "1", *more, "--out", self.work / "no.yaml")
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertRegex(result.stderr, message)
+            self.assertFalse((self.work / "no.yaml").exists())
+        refused("'local.look_ahead_m=9' is no parameter to tune", "--parameter", "local.look_ahead_m=9")
+        refused("'local.window_m' is to be tuned twice", "--parameter", "local.window_m=300:600", "--parameter", "local.window_m=300:500")
+        refused(r"mine.yaml:2: missing key 'parameters\[0\].low'", "--parameters", self.misspelt(mine))
+
+    def misspelt(self, file):
+        file.write_text(file.read_text().replace("low:", "middle:"))
+        return file
 
     def test_plan_within_a_risk(self):
         errors = ("--dem-error-m", "3", "--error-seed", "7")

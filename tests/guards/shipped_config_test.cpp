@@ -31,6 +31,7 @@
 #include "evaluation/reaction_evaluation.hpp"
 #include "evaluation/replanning_evaluation.hpp"
 #include "evaluation/sensitivity.hpp"
+#include "evaluation/tuning.hpp"
 #include "evaluation/verifier_evaluation.hpp"
 #include "fetch/fetch_options.hpp"
 #include "map_sources/vector_mapping.hpp"
@@ -85,6 +86,8 @@ void read_evaluation_file(const std::string& text, const std::string& name) {
   evaluation::read_framework_options(table3);
   ConfigReader sensitivity = reader.required_section("sensitivity");
   evaluation::read_sensitivity_options(sensitivity);
+  ConfigReader tune = reader.required_section("tune");
+  evaluation::read_tune_options(tune);
   ConfigReader safety = reader.required_section("local_safety");
   evaluation::read_local_safety_options(safety);
   ConfigReader optimality = reader.required_section("optimality");
