@@ -574,8 +574,17 @@ bool BitStarSearch::is_turn_allowed(int a, int b, int c) const {
                                     y_m_[c] - y_m_[b]);
 }
 
+// By an edge from the start to a state.
+bool BitStarSearch::may_leave_start(int to) const {
+  return options_.turn_rule == TurnRule::kNone ||
+         envelope_->may_leave_start(x_m_[to] - x_m_[kStart], y_m_[to] - y_m_[kStart]);
+}
+
 bool BitStarSearch::is_turn_kept(int from, int to) const {
   if (const int before = parent_[from]; before >= 0 && !is_turn_allowed(before, from, to)) {
+    return false;
+  }
+  if (from == kStart && !may_leave_start(to)) {
     return false;
   }
   for (int child = first_child_[to]; child >= 0; child = next_sibling_[child]) {
@@ -758,7 +767,9 @@ void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
       here.before < 0 ? -1 : search.labels[static_cast<std::size_t>(here.before)].state;
   const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
   for_each_neighbour(here.state, [&](int to, double length_m) {
-    if (to == before || (before >= 0 && !is_turn_allowed(before, here.state, to))) {
+    if (to == before || (before >= 0 && !is_turn_allowed(before, here.state, to)) ||
+        (here.state == kStart && !may_leave_start(to)) ||
+        (to == kStart && !may_leave_start(here.state))) {
       return;
     }
     const auto [from, towards] = flown(search, here.state, to);

@@ -133,6 +133,7 @@ class BitStarSearch {
   void step_region();
   [[nodiscard]] bool draw_from_level_set(double first, double second, geo::MapPoint& point) const;
   [[nodiscard]] bool is_turn_allowed(int a, int b, int c) const;
+  [[nodiscard]] bool may_leave_start(int to) const;
   void push(double key_m, int from, int to);
   void expand(int from);
   void consider(int from, int to);

@@ -419,7 +419,7 @@ double sweep_corridor(const FlightEnvelope& envelope, const CorridorGrid& grid,
             waypoints.begin() + static_cast<std::ptrdiff_t>(first),
             waypoints.begin() + static_cast<std::ptrdiff_t>(last) + 1);
         const std::vector<Waypoint> better = sweep_over(
-            piece, first > 0 ? std::optional(waypoints[first - 1]) : std::nullopt,
+            piece, first > 0 ? std::optional(waypoints[first - 1]) : envelope.before_start(),
             last + 1 < waypoints.size() ? std::optional(waypoints[last + 1]) : std::nullopt);
         if (!better.empty() && cost_of(better) < cost_of(piece) * (1.0 - kGainLeast) &&
             are_turns_allowed(envelope, spliced(first, last, better))) {
@@ -439,7 +439,7 @@ double sweep_corridor(const FlightEnvelope& envelope, const CorridorGrid& grid,
       first = std::max(next, first + 1);
     }
   };
-  std::vector<Waypoint> better = sweep_over(waypoints, std::nullopt, std::nullopt);
+  std::vector<Waypoint> better = sweep_over(waypoints, envelope.before_start(), std::nullopt);
   if (better.empty()) {
     sweep_pieces();
     return cost_of(waypoints);

@@ -146,6 +146,14 @@ void FlightEnvelope::move_goal(const flight::Waypoint& goal) {
   sink_floor(1, goal);
 }
 
+std::optional<flight::Waypoint> FlightEnvelope::before_start() const {
+  if (!lead_in_) {
+    return std::nullopt;
+  }
+  return flight::Waypoint{start_.x_m - lead_in_->x_m, start_.y_m - lead_in_->y_m,
+                          start_.altitude_m};
+}
+
 void FlightEnvelope::avoid(const std::vector<flight::Waypoint>& route, double within_m,
                            double cost) {
   has_avoidance_ = has_avoidance_ || cost > 0.0;

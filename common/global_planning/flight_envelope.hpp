@@ -2,6 +2,7 @@
 
 #include <array>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "flight/route.hpp"
@@ -60,6 +61,15 @@ class FlightEnvelope {
   /// The same with another start or goal.
   void move_start(const flight::Waypoint& start);
   void move_goal(const flight::Waypoint& goal);
+
+  /// The leg that routes from the start continue; its corner is one of theirs.
+  void continue_from(const std::optional<LeadIn>& lead_in) { lead_in_ = lead_in; }
+  /// A place on that leg, as far behind the start as the leg is long; none if it is free.
+  [[nodiscard]] std::optional<flight::Waypoint> before_start() const;
+  /// Whether a route may leave the start along this horizontal vector.
+  [[nodiscard]] bool may_leave_start(double x_m, double y_m) const {
+    return !lead_in_ || is_turn_allowed(lead_in_->x_m, lead_in_->y_m, x_m, y_m);
+  }
 
   /// From now on each metre over cells whose centre lies within `within_m` of the route, seen from
   /// above, costs `cost` more; where several calls meet, the greatest of theirs. Searches feel it,
@@ -216,6 +226,7 @@ class FlightEnvelope {
   double funnel_m_;
   flight::Waypoint start_;
   flight::Waypoint goal_;
+  std::optional<LeadIn> lead_in_;
   std::array<End, 2> ends_;
 };
 

@@ -243,7 +243,8 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
                                              const RouteProblem& problem,
                                              const OnProgress& on_progress,
                                              const Observer& observer) {
-  const FlightEnvelope envelope(costs, options, problem.start, problem.goal);
+  FlightEnvelope envelope(costs, options, problem.start, problem.goal);
+  envelope.continue_from(problem.lead_in);
   if (auto fault = fault_of(problem.start, kStartNames, envelope, options)) {
     return *fault;
   }

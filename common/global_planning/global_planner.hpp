@@ -70,6 +70,12 @@ using OnProgress = std::function<void(const RouteProgress&)>;
 
 class Roadmap;
 
+/// A leg that leads to the start of a route: a horizontal vector in the order of the flight.
+struct LeadIn {
+  double x_m = 0.0;
+  double y_m = 0.0;
+};
+
 /// Start and goal of a search, altitudes AMSL.
 struct RouteProblem {
   flight::Waypoint start;
@@ -77,6 +83,8 @@ struct RouteProblem {
   std::uint64_t seed = 1;
   std::int64_t work_budget = 0;
   const Roadmap* roadmap = nullptr;  // of the map under these costs and options, or null
+  /// The corner at the start keeps FlightEnvelope::is_turn_allowed() too; without it, any heading.
+  std::optional<LeadIn> lead_in = std::nullopt;
 };
 
 /// Plans one leg: route of a roadmap if asked for and given, else or where that finds nothing

@@ -221,10 +221,12 @@ class Search {
     if (direction >= 0 && direction == from.direction) {
       run_x_m += from.run_x_m;
       run_y_m += from.run_y_m;
-    } else if (from.before >= 0 || from.run_x_m != 0.0 || from.run_y_m != 0.0) {
+    } else if (from.before >= 0) {
       if (!envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, run_x_m, run_y_m)) {
         return;
       }
+    } else if (!is_backward_ && !envelope_.may_leave_start(run_x_m, run_y_m)) {
+      return;
     }
     const double onwards_m = ahead_m(b);
     if (!(onwards_m < kInfinity)) {
@@ -282,7 +284,9 @@ class Search {
     const double dx_m = b.x_m - a.x_m;
     const double dy_m = b.y_m - a.y_m;
     if (dx_m * dx_m + dy_m * dy_m > kEndLegMax_m * kEndLegMax_m || (dx_m == 0.0 && dy_m == 0.0) ||
-        (index > 0 && !envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, dx_m, dy_m))) {
+        (index > 0 && !envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, dx_m, dy_m)) ||
+        (is_backward_ && !envelope_.may_leave_start(-dx_m, -dy_m)) ||
+        (!is_backward_ && index == 0 && !envelope_.may_leave_start(dx_m, dy_m))) {
       return;
     }
     const double z_m = to_.altitude_m;

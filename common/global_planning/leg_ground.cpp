@@ -24,6 +24,7 @@ std::variant<flight::Route, flight::NoPlan> LegGround::plan(const risk::CostMode
                                                             bool is_refined,
                                                             const Observer& observer) const {
   FlightEnvelope envelope(ground_, costs);
+  envelope.continue_from(problem_.lead_in);
   for (const Avoidance& avoidance : avoided) {
     envelope.avoid(avoidance.route, avoidance.within_m, avoidance.cost);
   }

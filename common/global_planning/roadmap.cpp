@@ -180,7 +180,8 @@ class Query {
         const double dy_m = to.y_m - start.y_m;
         const double ahead_m = field_.cost_m(to);
         if (dx_m * dx_m + dy_m * dy_m > kEndLegMax_m * kEndLegMax_m ||
-            (dx_m == 0.0 && dy_m == 0.0) || !(ahead_m < kInfinity)) {
+            (dx_m == 0.0 && dy_m == 0.0) || !(ahead_m < kInfinity) ||
+            !envelope_.may_leave_start(dx_m, dy_m)) {
           continue;
         }
         const FlightEnvelope::Arrival arrival = follow(start.point(), to, labels_.front());
@@ -286,6 +287,8 @@ class Query {
       if (!envelope_.is_turn_allowed(run[0], run[1], dx_m, dy_m)) {
         return;
       }
+    } else if (!envelope_.may_leave_start(dx_m, dy_m)) {
+      return;
     }
     const FlightEnvelope::Arrival arrival = follow(a, goal.point(), from);
     if (arrival.altitudes.low_m <= goal.altitude_m && goal.altitude_m <= arrival.altitudes.high_m) {

@@ -31,6 +31,11 @@ bool are_turns_allowed(const FlightEnvelope& envelope,
     }
     corners.push_back(waypoint.point());
   }
+  if (const flight::Waypoint& start = envelope.start();
+      corners.size() >= 2 && corners[0].x_m == start.x_m && corners[0].y_m == start.y_m &&
+      !envelope.may_leave_start(corners[1].x_m - corners[0].x_m, corners[1].y_m - corners[0].y_m)) {
+    return false;
+  }
   for (std::size_t i = 2; i < corners.size(); ++i) {
     if (!envelope.is_turn_allowed(
             corners[i - 1].x_m - corners[i - 2].x_m, corners[i - 1].y_m - corners[i - 2].y_m,

@@ -9,7 +9,8 @@
 namespace hedgehop::global_planning {
 
 /// Whether FlightEnvelope::is_turn_allowed holds at every corner of a route in plan view. Waypoints
-/// on a straight run change the climb alone; what must hold the arc beside a corner is the run.
+/// on a straight run change the climb alone; what must hold the arc beside a corner is the run. If
+/// the route begins at the start of the envelope, it must continue from there as it may.
 bool are_turns_allowed(const FlightEnvelope& envelope,
                        const std::vector<flight::Waypoint>& waypoints);
 

@@ -156,6 +156,7 @@ bool WarmPlanner::is_changed(const geo::MapPoint& point) const {
 std::variant<WarmRoute, flight::NoPlan> WarmPlanner::replan(const Waypoint& start,
                                                             const Observer& observer) {
   problem_.start = start;
+  problem_.lead_in.reset();
   envelope_.move_start(start);
   WarmRoute result;
   result.blocks_renewed = std::exchange(blocks_renewed_, 0);

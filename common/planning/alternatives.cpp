@@ -55,8 +55,9 @@ class AlternativeSearch {
     const global_planning::GlobalOptions global =
         global_options(config, main.request.speed_mps.value_or(config.speed_mps));
     for (std::size_t leg = 0; leg + 1 < stops.size(); ++leg) {
-      legs_.emplace_back(costs_, global,
-                         leg_problem(stops, main.request, config, static_cast<std::int64_t>(leg)));
+      legs_.emplace_back(
+          costs_, global,
+          leg_problem(map, stops, main.request, config, static_cast<std::int64_t>(leg)));
     }
     found_.shared_within_m = options.shared_within_m;
     found_.shared_share_max = options.shared_share_max;

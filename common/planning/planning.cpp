@@ -114,7 +114,7 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
   }
   const auto legs = static_cast<std::int64_t>(stops.size()) - 1;
   for (std::int64_t leg = 0; leg < legs; ++leg) {
-    global_planning::RouteProblem problem = leg_problem(stops, request, config, leg);
+    global_planning::RouteProblem problem = leg_problem(map, stops, request, config, leg);
     problem.roadmap = roadmap.roadmap.get();
     const double dx_m = problem.goal.x_m - problem.start.x_m;
     const double dy_m = problem.goal.y_m - problem.start.y_m;
@@ -137,6 +137,13 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
       }
     };
     auto found = global_planning::plan_leg(costs, global, problem, report, observer);
+    if (const auto* none = std::get_if<NoPlan>(&found);
+        none != nullptr && problem.lead_in && none->cause != NoPlanCause::kStopped) {
+      // With a corner that is flown as well as it goes; what that comes to, the flight's check
+      // says.
+      problem.lead_in.reset();
+      found = global_planning::plan_leg(costs, global, problem, report, observer);
+    }
     if (auto* no_plan = std::get_if<NoPlan>(&found)) {
       return std::move(*no_plan);
     }

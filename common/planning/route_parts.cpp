@@ -1,16 +1,21 @@
 #include "planning/route_parts.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <string>
 
 #include "base/angles.hpp"
+#include "base/elementary.hpp"
 
 namespace hedgehop::planning {
 namespace {
 
 using flight::NoPlan;
 using flight::NoPlanCause;
+
+// Turns by less at the start move the flight aside by some metres.
+constexpr double kHeadingTolerance_rad = 12.0 * kDegree_rad;
 
 struct EndCauses {
   const char* name;
@@ -122,7 +127,8 @@ std::variant<std::vector<flight::Waypoint>, NoPlan> place_stops(const risk::Cost
   return stops;
 }
 
-global_planning::RouteProblem leg_problem(const std::vector<flight::Waypoint>& stops,
+global_planning::RouteProblem leg_problem(const map::Map& map,
+                                          const std::vector<flight::Waypoint>& stops,
                                           const flight::PlanRequest& request,
                                           const PlanningConfig& config, std::int64_t leg) {
   const std::int64_t budget =
@@ -133,6 +139,16 @@ global_planning::RouteProblem leg_problem(const std::vector<flight::Waypoint>& s
   problem.goal = stops[static_cast<std::size_t>(leg + 1)];
   problem.seed = request.seed + static_cast<std::uint64_t>(leg);
   problem.work_budget = budget * (leg + 1) / legs - budget * leg / legs;
+  if (leg == 0 && request.start_heading_true_rad) {
+    const double math_rad = math_angle_from_azimuth_rad(grid_from_true_azimuth_rad(
+        *request.start_heading_true_rad,
+        geo::MapProjection(map.crs_wkt).convergence_rad(problem.start.point())));
+    // The arc of a corner begins before it; a leg this long holds that of the tolerance.
+    const double length_m = std::max(
+        1.0, 2.0 * config.global.turn_radius_m * elementary::tan(0.5 * kHeadingTolerance_rad));
+    problem.lead_in = global_planning::LeadIn{length_m * elementary::cos(math_rad),
+                                              length_m * elementary::sin(math_rad)};
+  }
   return problem;
 }
 

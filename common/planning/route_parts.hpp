@@ -13,8 +13,10 @@ namespace hedgehop::planning {
 std::variant<std::vector<flight::Waypoint>, flight::NoPlan> place_stops(
     const risk::CostModel& costs, const flight::PlanRequest& request, const PlanningConfig& config);
 
-/// The leg between two neighbouring stops, counted from 0: its share of the work and its seed.
-global_planning::RouteProblem leg_problem(const std::vector<flight::Waypoint>& stops,
+/// The leg between two neighbouring stops, counted from 0: its share of the work, its seed and, for
+/// the first one, the heading that the request asks for: the route leaves within 12 degrees of it.
+global_planning::RouteProblem leg_problem(const map::Map& map,
+                                          const std::vector<flight::Waypoint>& stops,
                                           const flight::PlanRequest& request,
                                           const PlanningConfig& config, std::int64_t leg);
 

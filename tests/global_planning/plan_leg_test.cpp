@@ -3,12 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <limits>
+#include <numbers>
+#include <optional>
 #include <random>
 
 #include "base/angles.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/leg_ground.hpp"
 #include "global_planning/planning_case.hpp"
+#include "global_planning/roadmap.hpp"
 #include "support/fresh_seed.hpp"
 
 namespace hedgehop::global_planning {
@@ -304,6 +307,61 @@ TEST(PlanLeg, ProgressIsToldFromTheFirstBatchToTheFinishedRoute) {
     EXPECT_EQ(told[k].work_budget, 30000);
   }
 }
+
+class RouteThatContinues : public testing::TestWithParam<const char*> {};
+
+// A circle of the turn radius from the heading on, then straight: the shortest way of a vehicle
+// that may end with any heading (L. E. Dubins, 1957).
+double turn_and_straight_m(double bearing_off_rad, double distance_m, double radius_m) {
+  const double centre_x_m = distance_m * std::cos(bearing_off_rad);
+  const double centre_y_m = distance_m * std::sin(bearing_off_rad) - radius_m;
+  const double to_goal_m = std::hypot(centre_x_m, centre_y_m);
+  const double straight_m = std::sqrt(to_goal_m * to_goal_m - radius_m * radius_m);
+  const double turned_rad = std::atan2(centre_y_m, centre_x_m) + 0.5 * std::numbers::pi -
+                            std::atan2(straight_m, radius_m);
+  return radius_m * turned_rad + straight_m;
+}
+
+TEST_P(RouteThatContinues, LeavesAsItsLegBeforeAllowsAndTurnsWithinTheRadius) {
+  PlanningCase in(test::make_map(400, 400, 30.0, [](double, double) { return 100.0; }),
+                  kLengthOnly);
+  GlobalOptions options = shipped_global_options(400000);
+  options.use_lattice = std::string(GetParam()) != "bit_star";
+  options.use_roadmap = std::string(GetParam()) == "roadmap";
+  const SilentObserver observer;
+  std::optional<Roadmap> roadmap;
+  if (options.use_roadmap) {
+    SilentObserver silent;
+    roadmap.emplace(in.costs, options, silent);
+  }
+  const Waypoint start = in.above(6000, 6000);
+  const Waypoint goal = in.above(10000, 6000);
+  const double radius_m = options.turn_radius_m;
+  for (const double off_deg : {0.0, 60.0, 120.0, 180.0}) {
+    SCOPED_TRACE(off_deg);
+    const double heading_rad = radians_from_degrees(off_deg);
+    RouteProblem problem{start, goal, 1, options.work_budget, roadmap ? &*roadmap : nullptr};
+    const double tolerance_rad = radians_from_degrees(10.0);
+    const double lead_m = 2.0 * radius_m * std::tan(0.5 * tolerance_rad);
+    problem.lead_in = LeadIn{lead_m * std::cos(heading_rad), lead_m * std::sin(heading_rad)};
+    const auto result = plan_leg(in.costs, options, problem, {}, observer);
+    ASSERT_TRUE(std::holds_alternative<Route>(result)) << std::get<NoPlan>(result).explanation;
+    const auto& route = std::get<Route>(result);
+    expect_lawful(in, options, route, start, goal);
+    const Waypoint& next = route.waypoints[1];
+    const double left_rad = std::atan2(next.y_m - start.y_m, next.x_m - start.x_m);
+    EXPECT_LE(std::fabs(wrap_to_pi(left_rad - heading_rad)), tolerance_rad + 1e-9);
+    // Corners lie outside of the arcs that round them off.
+    const double shortest_m =
+        turn_and_straight_m(std::max(heading_rad - tolerance_rad, 0.0), 4000.0, radius_m);
+    EXPECT_GE(flight::length_m(route.waypoints), shortest_m - 1.0);
+    EXPECT_LE(flight::length_m(route.waypoints), 1.12 * shortest_m);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Planner, RouteThatContinues,
+                         testing::Values("lattice", "bit_star", "roadmap"),
+                         [](const auto& tested) { return std::string(tested.param); });
 
 class StoppingObserver final : public Observer {
  public:

@@ -1,9 +1,11 @@
 #include "planning/planning.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <limits>
 #include <numbers>
 
 #include "base/angles.hpp"
@@ -32,6 +34,22 @@ flight::RequestPoint place(const map::Map& map, double east_m, double north_m,
   const geo::MapProjection projection(map.crs_wkt);
   return {projection.to_geodetic({test::kUtmWest_m + east_m, test::kUtmSouth_m + north_m}),
           height_m};
+}
+
+// Of a state from a route, seen from above.
+double distance_m(const flight::FlightState& state, const std::vector<flight::Waypoint>& route) {
+  double least_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < route.size(); ++i) {
+    const double dx_m = route[i].x_m - route[i - 1].x_m;
+    const double dy_m = route[i].y_m - route[i - 1].y_m;
+    const double t =
+        std::clamp(((state.x_m - route[i - 1].x_m) * dx_m + (state.y_m - route[i - 1].y_m) * dy_m) /
+                       (dx_m * dx_m + dy_m * dy_m),
+                   0.0, 1.0);
+    least_m = std::min(least_m, std::hypot(state.x_m - route[i - 1].x_m - t * dx_m,
+                                           state.y_m - route[i - 1].y_m - t * dy_m));
+  }
+  return least_m;
 }
 
 PlanningConfig config_with(const std::vector<std::string>& settings) {
@@ -135,6 +153,29 @@ TEST_F(PlanningTest, RouteWithViaPointPassesIt) {
                                                waypoint.y_m - test::kUtmSouth_m - 9000.0));
   }
   EXPECT_LT(nearest_m, 0.01);
+}
+
+TEST_F(PlanningTest, RouteLeavesAlongTheHeadingThatIsAskedForAndTurnsOnlyThen) {
+  for (const double azimuth_deg : {90.0, 180.0, 270.0}) {
+    SCOPED_TRACE(azimuth_deg);
+    request_.start_heading_true_rad = radians_from_degrees(azimuth_deg);
+    const auto result = plan(request_);
+    ASSERT_TRUE(std::holds_alternative<flight::Plan>(result));
+    const auto& plan = std::get<flight::Plan>(result);
+    EXPECT_TRUE(plan.verdict.is_verified);
+    const std::vector<flight::Waypoint>& route = plan.route_plan.route.waypoints;
+    const double convergence_rad = plan.trajectory.states.front().convergence_rad;
+    const double left_rad =
+        std::atan2(route[1].x_m - route[0].x_m, route[1].y_m - route[0].y_m) + convergence_rad;
+    EXPECT_LE(std::fabs(wrap_to_pi(left_rad - *request_.start_heading_true_rad)),
+              radians_from_degrees(12.1));
+    // So the flight can keep to the route from the beginning.
+    double aside_m = 0.0;
+    for (std::size_t i = 0; i < 60 * 20; ++i) {
+      aside_m = std::max(aside_m, distance_m(plan.trajectory.states[i], route));
+    }
+    EXPECT_LT(aside_m, 150.0);
+  }
 }
 
 TEST_F(PlanningTest, RoundTripIsFlownToItsViaPointAndBack) {
