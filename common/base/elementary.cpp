@@ -141,6 +141,9 @@ SineCosine sine_cosine(double x_rad) {
 }
 
 double tan(double x_rad) {
+  if (x_rad == 0.0) {
+    return x_rad;  // flight at constant speed asks for it at each step
+  }
   const SineCosine both = sine_cosine(x_rad);
   return both.sine / both.cosine;
 }

@@ -91,6 +91,9 @@ CommandModel::CommandModel(const Vehicle& vehicle)
                              worst_overshoot(vehicle.model.attitude_damping)) {}
 
 double limited_heading_rad(double before_rad, double wanted_rad, double change_max_rad) {
+  if (change_max_rad >= kTwoPi) {
+    return wanted_rad;
+  }
   const double change_rad = wrap_to_pi(wanted_rad - before_rad);
   return std::fabs(change_rad) <= change_max_rad
              ? wanted_rad

@@ -37,8 +37,8 @@ ClimbForecast::ClimbForecast(const Surroundings& surroundings, const Guide& guid
     if (dx_m * dx_m + dy_m * dy_m > kNearTarget_m * kNearTarget_m) {
       bearing_rad += wrap_to_pi(elementary::atan2(dy_m, dx_m) - bearing_rad);
     }
-    bearing_rad_.push_back(static_cast<float>(bearing_rad));
-    altitude_m_.push_back(static_cast<float>(here.altitude_m));
+    guide_table_.push_back(static_cast<float>(bearing_rad));
+    guide_table_.push_back(static_cast<float>(here.altitude_m));
   }
 }
 
@@ -71,10 +71,12 @@ ForecastTask ClimbForecast::task(const command_model::ModelState& state,
   const auto single = [](double value) { return static_cast<float>(value); };
 
   const double in_table = along_m / kSpacing_m;
-  const auto at = std::min(static_cast<std::size_t>(in_table), bearing_rad_.size() - 2);
+  const std::size_t count = guide_table_.size() / 2;
+  const auto at = std::min(static_cast<std::size_t>(in_table), count - 2);
   const double share = in_table - static_cast<double>(at);
-  const double bearing_rad = static_cast<double>(bearing_rad_[at]) +
-                             share * static_cast<double>(bearing_rad_[at + 1] - bearing_rad_[at]);
+  const float before_rad = guide_table_[2 * at];
+  const double bearing_rad = static_cast<double>(before_rad) +
+                             share * static_cast<double>(guide_table_[2 * at + 2] - before_rad);
   const flight::Waypoint target = guide_->at(along_m + look_ahead_m_);
   const double dx_m = target.x_m - state.x_m;
   const double dy_m = target.y_m - state.y_m;
@@ -82,9 +84,8 @@ ForecastTask ClimbForecast::task(const command_model::ModelState& state,
 
   ForecastTask task;
   task.samples = static_cast<int>(options_.horizon_s / options_.sample_s + 0.5);
-  task.bearing_rad = bearing_rad_.data();
-  task.altitude_m = altitude_m_.data();
-  task.table_count = static_cast<int>(bearing_rad_.size());
+  task.guide = guide_table_.data();
+  task.table_count = static_cast<int>(count);
   task.from_in_table = single(in_table);
   task.step_in_table = single(step_m / kSpacing_m);
   task.end_in_table = single(guide_->length_m() / kSpacing_m);

@@ -75,9 +75,8 @@ class ClimbForecast {
   double safety_height_m_;
   ProfileOptions options_;
   StepKernels kernels_;
-  std::vector<float> bearing_rad_;  // from the guide to its target, without jumps
-  std::vector<float> altitude_m_;
-  std::vector<float> scratch_;
+  std::vector<float> guide_table_;  // by place: bearing to its target without jumps, altitude
+  FlightScratch scratch_;
   double turn_max_;  // tangent of the steepest bank
 };
 

@@ -69,7 +69,7 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   const geo::MapPoint place{state.x_m, state.y_m};
   const double speed_mps = state.speed_mps;
   memory_.along_m = guide_.project(place, memory_.along_m - options_.projection_back_m,
-                                   memory_.along_m + options_.projection_ahead_m);
+                                   memory_.along_m + options_.projection_ahead_m, memory_.along_m);
   const flight::Waypoint target = guide_.at(memory_.along_m + options_.look_ahead_m);
   const double target_dx_m = target.x_m - state.x_m;
   const double target_dy_m = target.y_m - state.y_m;
@@ -143,7 +143,7 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
 void Decider::follow(const ModelState& state, const command_model::Command& command) {
   memory_.along_m =
       guide_.project({state.x_m, state.y_m}, memory_.along_m - options_.projection_back_m,
-                     memory_.along_m + options_.projection_ahead_m);
+                     memory_.along_m + options_.projection_ahead_m, memory_.along_m);
   memory_.commanded_rad = command.heading_math_rad;
   memory_.before_rad = command.heading_math_rad;
   memory_.heading.reset(command.heading_math_rad);

@@ -40,6 +40,15 @@ Guide::Guide(const std::vector<flight::Waypoint>& waypoints) {
     legs_.push_back(
         {(b.x_m - a.x_m) / leg_m, (b.y_m - a.y_m) / leg_m, (b.altitude_m - a.altitude_m) / leg_m});
   }
+  for (std::size_t first = 0; first < legs_.size(); first += kLegsPerBox) {
+    const std::size_t last = std::min(first + kLegsPerBox, legs_.size());
+    Box box{points_[first].x_m, points_[first].y_m, points_[first].x_m, points_[first].y_m};
+    for (std::size_t i = first + 1; i <= last; ++i) {
+      box = {std::min(box.west_m, points_[i].x_m), std::min(box.south_m, points_[i].y_m),
+             std::max(box.east_m, points_[i].x_m), std::max(box.north_m, points_[i].y_m)};
+    }
+    boxes_.push_back(box);
+  }
   const std::size_t parts = 2 * legs_.size();
   parts_per_m_ = static_cast<double>(parts) / length_m();
   std::size_t leg = 0;
@@ -85,11 +94,33 @@ flight::Waypoint Guide::at(double along_m) const {
 }
 
 double Guide::project(const geo::MapPoint& point, double from_m, double to_m) const {
+  return project_within(point, from_m, to_m, std::numeric_limits<double>::infinity());
+}
+
+double Guide::project(const geo::MapPoint& point, double from_m, double to_m,
+                      double guess_m) const {
+  const flight::Waypoint guess = at(guess_m);
+  const double dx_m = guess.x_m - point.x_m;
+  const double dy_m = guess.y_m - point.y_m;
+  // A little more than that: no leg is lost to rounding.
+  return project_within(point, from_m, to_m, 1.000001 * (dx_m * dx_m + dy_m * dy_m) + 1e-3);
+}
+
+double Guide::project_within(const geo::MapPoint& point, double from_m, double to_m,
+                             double reach_m2) const {
   from_m = std::clamp(from_m, 0.0, length_m());
   to_m = std::clamp(to_m, from_m, length_m());
   double best_m2 = std::numeric_limits<double>::infinity();
   double best_along_m = from_m;
   for (std::size_t leg = leg_at(from_m); leg < legs_.size() && along_m_[leg] <= to_m; ++leg) {
+    const Box& box = boxes_[leg / kLegsPerBox];
+    const double aside_m = std::max(0.0, std::max(box.west_m - point.x_m, point.x_m - box.east_m));
+    const double ahead_m =
+        std::max(0.0, std::max(box.south_m - point.y_m, point.y_m - box.north_m));
+    if (aside_m * aside_m + ahead_m * ahead_m > reach_m2) {
+      leg |= kLegsPerBox - 1;
+      continue;
+    }
     const flight::Waypoint& a = points_[leg];
     const double leg_m = along_m_[leg + 1] - along_m_[leg];
     const double ux = legs_[leg].east;

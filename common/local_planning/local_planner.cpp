@@ -93,7 +93,8 @@ class Keeper {
  public:
   Keeper(const Surroundings& surroundings, const CommandModel& model, const LocalOptions& options,
          const Guide& guide, const HeadingCommand& heading)
-      : surface_m_(surroundings.surface_m()),
+      : surroundings_(surroundings),
+        surface_m_(surroundings.surface_m()),
         model_(model),
         options_(options),
         guide_(guide),
@@ -163,10 +164,21 @@ class Keeper {
 
   [[nodiscard]] bool is_clear(const std::vector<FlownStep>& steps, std::size_t from,
                               const ModelState& state) const {
+    const double clearance_m = clearance_at(state);
+    double lowest_m = state.altitude_m;
+    for (std::size_t i = from; i < steps.size(); ++i) {
+      lowest_m = std::min(lowest_m, steps[i].state.altitude_m);
+    }
+    const ModelState& first = steps[from].state;
+    const double margin_m = options_.rollout_escape.lateral_margin_m;
+    const double reach_m =
+        distance_m(distance_m(first.x_m - state.x_m, first.y_m - state.y_m), margin_m);
+    if (surroundings_.is_surely_above({state.x_m, state.y_m}, reach_m, lowest_m - clearance_m)) {
+      return true;
+    }
     std::vector<FlownStep> piece(steps.begin() + static_cast<std::ptrdiff_t>(from), steps.end());
     piece.emplace_back().state = state;
-    return keeps_clearance(surface_m_, piece, clearance_at(state),
-                           options_.rollout_escape.lateral_margin_m);
+    return keeps_clearance(surface_m_, piece, clearance_m, margin_m);
   }
 
   std::optional<Turn> turned_back(std::size_t now) {
@@ -198,6 +210,7 @@ class Keeper {
     return std::nullopt;
   }
 
+  const Surroundings& surroundings_;
   const raster::Grid<float>& surface_m_;
   const CommandModel& model_;
   const LocalOptions& options_;

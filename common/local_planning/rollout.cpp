@@ -18,11 +18,11 @@ ProfileOptions over_horizon(ProfileOptions profile, const RolloutOptions& option
   return profile;
 }
 
-// Row by row of the guide's table, like the kernel's.
+// From the guide's table, like the kernel's.
 float between(const float* table, float at, int count) {
   const float whole = std::min(std::floor(at), static_cast<float>(count - 2));
   const auto index = static_cast<std::size_t>(whole);
-  return table[index] + (at - whole) * (table[index + 1] - table[index]);
+  return table[2 * index] + (at - whole) * (table[2 * index + 2] - table[2 * index]);
 }
 
 float away(float a_rad, float b_rad) {
@@ -96,9 +96,8 @@ void greatest_rates(ForecastTask& path, const std::vector<float>& rises) {
     if (!(at <= path.end_in_table)) {
       continue;
     }
-    const float rise =
-        std::max(rises[static_cast<std::size_t>(i)],
-                 between(path.altitude_m, at, path.table_count) - path.guide_floor_m);
+    const float rise = std::max(rises[static_cast<std::size_t>(i)],
+                                between(path.guide + 1, at, path.table_count) - path.guide_floor_m);
     const float time = number * path.sample_s;
     const float missing = rise - path.climb_rate_mps * time;
     const float free = time - path.response_s;
@@ -119,7 +118,7 @@ void greatest_rates(ForecastTask& path, const std::vector<float>& rises) {
 
 }  // namespace
 
-void plain_rollout(RolloutTask& task, std::vector<float>& /*scratch*/) {
+void plain_rollout(RolloutTask& task, FlightScratch& /*scratch*/) {
   ForecastTask& path = task.path;
   std::vector<float> bend(static_cast<std::size_t>(path.samples));
   std::vector<float> rises(bend.size());
@@ -127,7 +126,7 @@ void plain_rollout(RolloutTask& task, std::vector<float>& /*scratch*/) {
   for (int i = 1; i < path.samples; ++i) {
     beside *= path.fading;
     const float bearing =
-        between(path.bearing_rad, path.from_in_table + path.step_in_table * static_cast<float>(i),
+        between(path.guide, path.from_in_table + path.step_in_table * static_cast<float>(i),
                 path.table_count);
     bend[static_cast<std::size_t>(i)] = bearing - path.bearing_now_rad + (beside - path.beside_rad);
   }

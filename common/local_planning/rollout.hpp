@@ -76,15 +76,15 @@ class Rollout {
   ClimbForecast forecast_;
   RolloutOptions options_;
   DirectionWeights weights_;
-  void (*rollout_)(RolloutTask& task, std::vector<float>& scratch);
+  void (*rollout_)(RolloutTask& task, FlightScratch& scratch);
   std::array<float, kCandidates> offsets_rad_{};
   std::array<float, kCandidates> wanted_rad_{};
   std::array<float, kCandidates> needed_{};
   std::array<float, kCandidates> risk_{};
-  std::vector<float> scratch_;
+  FlightScratch scratch_;
 };
 
 /// The rollout in plain form.
-void plain_rollout(RolloutTask& task, std::vector<float>& scratch);
+void plain_rollout(RolloutTask& task, FlightScratch& scratch);
 
 }  // namespace hedgehop::local_planning

@@ -24,6 +24,16 @@ using FloatMask = hn::Mask<FloatTag>;
 
 constexpr std::size_t kMaskTurns = 4;
 constexpr float kNothing = -std::numeric_limits<float>::infinity();
+// Iota() is made anew each time.
+HWY_ALIGN constexpr float kNumbers[kLanes] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+HWY_ALIGN constexpr std::int32_t kIndices[kLanes] = {0, 1, 2,  3,  4,  5,  6,  7,
+                                                     8, 9, 10, 11, 12, 13, 14, 15};
+
+HWY_INLINE Floats constant(float value) { return hn::Set(FloatTag(), value); }
+
+HWY_INLINE Floats numbers_from(int first) {
+  return hn::Add(hn::Load(FloatTag(), kNumbers), constant(static_cast<float>(first)));
+}
 
 template <typename Memory>
 HWY_INLINE typename Memory::value_type* with_room(Memory& memory, std::size_t count) {
@@ -38,6 +48,19 @@ HWY_INLINE hn::Vec<UintTag> whole(Floats value) {
   const UintTag tag;
   return hn::Sub(hn::BitCast(tag, hn::Add(value, hn::Set(FloatTag(), kWholeShift))),
                  hn::Set(tag, kWholeShiftBits));
+}
+
+// The greatest whole number up to a value, |value| < 2^22.
+HWY_INLINE hn::Vec<IntTag> whole_below(Floats value) {
+#if HWY_TARGET <= HWY_AVX3
+  return {_mm512_cvt_roundps_epi32(value.raw, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)};
+#else
+  // In the range of the mantissa: ConvertTo() would look after what cannot be converted.
+  const IntTag tag;
+  constexpr float kShift = 12582912.0F;  // 1.5 * 2^23
+  return hn::Sub(hn::BitCast(tag, hn::Add(hn::Floor(value), constant(kShift))),
+                 hn::BitCast(tag, constant(kShift)));
+#endif
 }
 
 // N / max(d - r, eps) above, N / (d + r) else; adding zero makes -0 a +0.
@@ -174,13 +197,12 @@ HWY_INLINE std::size_t arc_masks(const HistogramTask& task, std::size_t count,
         hn::Xor(hn::Gt(turned, zero), hn::Lt(turned_abs, hn::Set(tag, kPi_f)));
     const Floats twice = hn::Add(off, off);
     const Floats led_to = hn::Add(heading, hn::IfThenElse(is_right, hn::Neg(twice), twice));
-    const auto index = hn::ConvertTo(
-        int_tag, hn::Floor(hn::Add(hn::Mul(led_to, hn::Set(tag, c.sectors_per_rad)), half)));
+    const auto index = whole_below(hn::Add(hn::Mul(led_to, hn::Set(tag, c.sectors_per_rad)), half));
     const auto sector =
         hn::IfThenElse(hn::Lt(index, hn::Zero(int_tag)), hn::Add(index, sectors),
                        hn::IfThenElse(hn::Lt(index, sectors), index, hn::Sub(index, sectors)));
     const Floats tangent = tangent_of(hn::LoadU(tag, height + i), arc, disc, near);
-    const FloatMask is_one = hn::And(is_masking, hn::Lt(hn::Iota(tag, static_cast<float>(i)),
+    const FloatMask is_one = hn::And(is_masking, hn::Lt(numbers_from(static_cast<int>(i)),
                                                         hn::Set(tag, static_cast<float>(count))));
     hn::StoreU(hn::Compress(sector, hn::RebindMask(int_tag, is_one)), int_tag,
                mask_sectors + found);
@@ -283,8 +305,11 @@ void histogram_kernel(HistogramTask& task, HistogramScratch& scratch) {
   for (std::size_t i = 0; i < slots; i += lanes) {
     hn::StoreU(nothing, tag, windows + i);
   }
-  for (const PolarSlot slot : table.slots) {
-    windows[slot.slot] = std::max(windows[slot.slot], tangents[slot.cell]);
+  const PolarSlot* const slots_end = table.slots.data() + table.slots.size();
+#pragma GCC unroll 8
+  for (const PolarSlot* slot = table.slots.data(); slot != slots_end; ++slot) {
+    float& greatest = windows[slot->slot];
+    greatest = std::max(greatest, tangents[slot->cell]);
   }
   float climb_near = kNothing;
   for (const std::uint16_t cell : table.near) {
@@ -442,7 +467,7 @@ int cheapest_kernel(const DirectionTask& task) {
   };
   Floats best = hn::Set(tag, std::numeric_limits<float>::infinity());
   auto best_at = hn::Set(int_tag, kNoDirection);
-  auto index = hn::Iota(int_tag, 0);
+  auto index = hn::Load(int_tag, kIndices);
   const auto step = hn::Set(int_tag, lanes);
   const FloatMask is_quadratic = hn::Gt(hn::Set(tag, task.is_quadratic ? 1.0F : 0.0F), zero);
   for (int k = 0; k < padded; k += lanes) {
@@ -507,35 +532,46 @@ HWY_INLINE void sine_cosine(Floats angle, Floats& sine, Floats& cosine) {
   cosine = c;
 }
 
-HWY_INLINE Floats constant(float value) { return hn::Set(FloatTag(), value); }
-
-HWY_INLINE Floats numbers_from(int first) {
-  return hn::Add(hn::Iota(FloatTag(), 0.0F), constant(static_cast<float>(first)));
-}
-
 // The guide at the samples: bearing of its target, altitude above what is asked
 // for.
-HWY_INLINE void look_along_guide(const ForecastTask& task, float* HWY_RESTRICT bearing,
-                                 float* HWY_RESTRICT guide_rise) {
+HWY_INLINE void look_along_guide(const ForecastTask& task, FlightScratch& scratch,
+                                 float* HWY_RESTRICT bearing, float* HWY_RESTRICT guide_rise) {
   const FloatTag tag;
   const IntTag int_tag;
+  const hn::CappedTag<float, 4> places_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const int padded = padded_to_lanes(task.samples);
+  std::int32_t* HWY_RESTRICT first_of = with_room(scratch.cells, static_cast<std::size_t>(padded));
+  float* HWY_RESTRICT places = with_room(scratch.places, 4 * static_cast<std::size_t>(padded));
   const Floats last = constant(static_cast<float>(task.table_count - 2));
+  const auto in_table = [&](int i) {
+    return hn::Add(constant(task.from_in_table),
+                   hn::Mul(constant(task.step_in_table), numbers_from(i + 1)));
+  };
+  const auto whole_of = [&](Floats at) { return hn::Min(hn::Floor(at), last); };
   for (int i = 0; i < padded; i += lanes) {
-    const Floats at = hn::Add(constant(task.from_in_table),
-                              hn::Mul(constant(task.step_in_table), numbers_from(i + 1)));
-    const Floats whole = hn::Min(hn::Floor(at), last);
-    const Floats share = hn::Sub(at, whole);
-    const auto index = hn::ConvertTo(int_tag, whole);
-    const auto next = hn::Add(index, hn::Set(int_tag, 1));
-    const auto between = [&](const float* table) {
-      const Floats low = hn::GatherIndex(tag, table, index);
-      return hn::Add(low, hn::Mul(share, hn::Sub(hn::GatherIndex(tag, table, next), low)));
+    hn::Store(hn::ConvertTo(int_tag, whole_of(in_table(i))), int_tag, first_of + i);
+  }
+  // A place and the next one are neighbours: one load.
+  for (int i = 0; i < padded; ++i) {
+    hn::Store(hn::LoadU(places_tag, task.guide + 2 * static_cast<std::ptrdiff_t>(first_of[i])),
+              places_tag, places + 4 * static_cast<std::ptrdiff_t>(i));
+  }
+  for (int i = 0; i < padded; i += lanes) {
+    const Floats at = in_table(i);
+    const Floats share = hn::Sub(at, whole_of(at));
+    Floats bearing_before;
+    Floats altitude_before;
+    Floats bearing_after;
+    Floats altitude_after;
+    hn::LoadInterleaved4(tag, places + 4 * static_cast<std::ptrdiff_t>(i), bearing_before,
+                         altitude_before, bearing_after, altitude_after);
+    const auto between = [&](Floats before, Floats after) {
+      return hn::Add(before, hn::Mul(share, hn::Sub(after, before)));
     };
-    hn::StoreU(between(task.bearing_rad), tag, bearing + i);
-    hn::StoreU(hn::Sub(between(task.altitude_m), constant(task.guide_floor_m)), tag,
-               guide_rise + i);
+    hn::Store(between(bearing_before, bearing_after), tag, bearing + i);
+    hn::Store(hn::Sub(between(altitude_before, altitude_after), constant(task.guide_floor_m)), tag,
+              guide_rise + i);
   }
 }
 
@@ -575,19 +611,20 @@ HWY_INLINE void greatest_rates(ForecastTask& task, const float* HWY_RESTRICT gro
   task.greatest_later_mps = hn::GetLane(hn::MaxOfLanes(tag, greatest_later));
 }
 
-void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
+void forecast_kernel(ForecastTask& task, FlightScratch& scratch) {
   const FloatTag tag;
   const IntTag int_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const int padded = padded_to_lanes(task.samples);
-  const auto room = static_cast<std::size_t>(padded) + 1;
-  float* HWY_RESTRICT bearing = with_room(scratch, 6 * room);
+  const auto room = static_cast<std::size_t>(padded);
+  float* HWY_RESTRICT bearing = with_room(scratch.lines, 6 * room);
   float* HWY_RESTRICT guide_rise = bearing + room;
   float* HWY_RESTRICT middle = guide_rise + room;
   float* HWY_RESTRICT forward = middle + room;
   float* HWY_RESTRICT leftward = forward + room;
   float* HWY_RESTRICT ground_rise = leftward + room;
-  look_along_guide(task, bearing, guide_rise);
+  std::int32_t* HWY_RESTRICT cells = with_room(scratch.cells, room);
+  look_along_guide(task, scratch, bearing, guide_rise);
   // The turn; headings are relative to the present one.
   const float turn_max = task.roll_share * task.turn_max_radps;
   const float pull = task.roll_share * task.gain;
@@ -626,26 +663,30 @@ void forecast_kernel(ForecastTask& task, std::vector<float>& scratch) {
     const Floats north =
         hn::Add(hn::Mul(x, constant(task.north_cells)), hn::Mul(y, constant(task.east_cells)));
     const auto cell_of = [&](Floats away, float part, int from, int count) {
-      const auto cell = hn::Add(hn::ConvertTo(int_tag, hn::Floor(hn::Add(away, constant(part)))),
-                                hn::Set(int_tag, from));
+      const auto cell = hn::Add(whole_below(hn::Add(away, constant(part))), hn::Set(int_tag, from));
       return hn::Min(hn::Max(cell, hn::Zero(int_tag)), hn::Set(int_tag, count - 1));
     };
     const auto column = cell_of(east, task.part_of_column, task.column, task.columns);
     const auto row = cell_of(north, task.part_of_row, task.row, task.rows);
-    const auto cell = hn::Add(hn::Mul(row, hn::Set(int_tag, task.columns)), column);
-    hn::StoreU(hn::Sub(hn::GatherIndex(tag, task.dilated_m, cell), constant(task.floor_m)), tag,
-               ground_rise + i);
+    hn::Store(hn::Add(hn::Mul(row, hn::Set(int_tag, task.columns)), column), int_tag, cells + i);
+  }
+  for (int i = 0; i < task.samples; ++i) {
+    ground_rise[i] = task.dilated_m[cells[i]];
+  }
+  for (int i = 0; i < padded; i += lanes) {
+    hn::Store(hn::Sub(hn::Load(tag, ground_rise + i), constant(task.floor_m)), tag,
+              ground_rise + i);
   }
   greatest_rates(task, ground_rise, guide_rise);
 }
 
-// Some vectors of candidates, all samples. kInside: no path leaves the raster.
+// Flies some vectors of candidates and fetches the ground at all samples. kInside: no path leaves
+// the raster. Loading one by one is faster than gathering.
 template <int kVectors, bool kInside>
-HWY_INLINE void roll_out(const RolloutTask& task, int first, const float* HWY_RESTRICT bend,
-                         float* HWY_RESTRICT rises) {
+HWY_INLINE void fly_paths(const RolloutTask& task, int first, const float* HWY_RESTRICT bend,
+                          std::int32_t* HWY_RESTRICT cells, std::uint32_t* HWY_RESTRICT words) {
   const FloatTag tag;
   const IntTag int_tag;
-  const UintTag uint_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const ForecastTask& path = task.path;
   const Floats turn_max = constant(path.roll_share * path.turn_max_radps);
@@ -657,10 +698,8 @@ HWY_INLINE void roll_out(const RolloutTask& task, int first, const float* HWY_RE
   const Floats one = constant(1.0F);
   const Floats half = constant(0.5F);
   const Floats sixth = constant(1.0F / 6.0F);
-  const Floats metres_per_step = constant(1.0F / PackedGround::kStepsPerMetre);
-  const Floats floor = constant(path.floor_m - PackedGround::kLowest_m);
-  const Floats columns = constant(static_cast<float>(path.columns));
-  const auto risk_bits = hn::Set(uint_tag, PackedGround::kRiskMax);
+  const auto columns = hn::Set(int_tag, path.columns);
+  const std::uint32_t* const ground = task.ground;
   Floats wanted[kVectors];
   Floats heading[kVectors];
   Floats turn[kVectors];
@@ -669,9 +708,6 @@ HWY_INLINE void roll_out(const RolloutTask& task, int first, const float* HWY_RE
   Floats north[kVectors];
   Floats x[kVectors];
   Floats y[kVectors];
-  Floats risk[kVectors];
-  Floats needed[kVectors];
-  Floats near[kVectors];
 #pragma GCC unroll 4
   for (int v = 0; v < kVectors; ++v) {
     wanted[v] = hn::LoadU(tag, task.wanted_rad + first + v * lanes);
@@ -682,15 +718,19 @@ HWY_INLINE void roll_out(const RolloutTask& task, int first, const float* HWY_RE
     north[v] = constant(path.north_cells);
     x[v] = constant(path.part_of_column);
     y[v] = constant(path.part_of_row);
-    risk[v] = hn::Zero(tag);
-    needed[v] = constant(kNothing);
-    near[v] = constant(kNothing);
   }
+  words += first;
+  // One sample later, when the stores of its cells are done.
+  const std::int32_t* HWY_RESTRICT cells_before = cells;
+  const auto fetch = [&] {
+#pragma GCC unroll 32
+    for (int k = 0; k < kVectors * lanes; ++k) {
+      words[k] = ground[cells_before[k]];
+    }
+    words += kCandidates;
+    cells_before += kVectors * lanes;
+  };
   for (int i = 0; i < path.samples; ++i) {
-    const float run_m = static_cast<float>(i + 1) * task.step_m;
-    const bool is_near = run_m <= task.lag_m;
-    const Floats early = constant(1.0F / std::max(run_m - task.lag_m, task.shortest_m));
-    const Floats late = constant(1.0F / (run_m + task.lag_m));
     const Floats bent = constant(bend[i]);
 #pragma GCC unroll 4
     for (int v = 0; v < kVectors; ++v) {
@@ -710,59 +750,110 @@ HWY_INLINE void roll_out(const RolloutTask& task, int first, const float* HWY_RE
       east[v] = turned_east;
       x[v] = hn::Add(x[v], east[v]);
       y[v] = hn::Add(y[v], north[v]);
-      Floats column = hn::Floor(x[v]);
-      Floats row = hn::Floor(y[v]);
+      auto column = whole_below(x[v]);
+      auto row = whole_below(y[v]);
       if constexpr (!kInside) {
-        column = hn::Min(hn::Max(column, constant(static_cast<float>(-path.column))),
-                         constant(static_cast<float>(path.columns - 1 - path.column)));
-        row = hn::Min(hn::Max(row, constant(static_cast<float>(-path.row))),
-                      constant(static_cast<float>(path.rows - 1 - path.row)));
+        column = hn::Min(hn::Max(column, hn::Set(int_tag, -path.column)),
+                         hn::Set(int_tag, path.columns - 1 - path.column));
+        row = hn::Min(hn::Max(row, hn::Set(int_tag, -path.row)),
+                      hn::Set(int_tag, path.rows - 1 - path.row));
       }
-      const auto cell = hn::ConvertTo(int_tag, hn::Add(hn::Mul(row, columns), column));
-      const auto word = hn::GatherIndex(uint_tag, task.ground, cell);
-      const auto steps = hn::BitCast(int_tag, hn::ShiftRight<PackedGround::kRiskBits>(word));
-      const Floats rise = hn::Sub(hn::Mul(hn::ConvertTo(tag, steps), metres_per_step), floor);
-      risk[v] =
-          hn::Add(risk[v], hn::ConvertTo(tag, hn::BitCast(int_tag, hn::And(word, risk_bits))));
-      const Floats tangent = hn::Max(hn::Mul(rise, early), hn::Mul(rise, late));
-      if (is_near) {
-        near[v] = hn::Max(near[v], tangent);
-      } else {
-        needed[v] = hn::Max(needed[v], tangent);
-      }
-      if (first + (v + 1) * lanes == kCandidates) {
-        hn::StoreU(rise, tag, rises + static_cast<std::ptrdiff_t>(i) * lanes);
-      }
+      hn::Store(hn::Add(hn::Mul(row, columns), column), int_tag, cells + v * lanes);
+    }
+    cells += kVectors * lanes;
+    if (i > 0) {
+      fetch();
     }
   }
-  HWY_ALIGN float lanes_of_near[kLanes];
-#pragma GCC unroll 4
-  for (int v = 0; v < kVectors; ++v) {
-    hn::StoreU(risk[v], tag, task.risk + first + v * lanes);
-    hn::StoreU(needed[v], tag, task.needed + first + v * lanes);
-  }
-  hn::StoreU(near[kVectors - 1], tag, lanes_of_near);
-  task.near[0] = lanes_of_near[lanes - 1];
+  fetch();
 }
 
-void rollout_kernel(RolloutTask& task, std::vector<float>& scratch) {
+// Height of packed ground above the floor.
+HWY_INLINE Floats rise_over(hn::Vec<UintTag> word, Floats floor) {
+  const FloatTag tag;
+  const auto steps = hn::BitCast(IntTag(), hn::ShiftRight<PackedGround::kRiskBits>(word));
+  return hn::Sub(hn::Mul(hn::ConvertTo(tag, steps), constant(1.0F / PackedGround::kStepsPerMetre)),
+                 floor);
+}
+
+// What the ground asks of each candidate: the greatest tangent from sample `from` on, and its risk.
+// Sums of shares of the greatest risk stay below 2^24: floats would add up to the same.
+HWY_INLINE void judge_paths(const RolloutTask& task, int from, const float* HWY_RESTRICT early,
+                            const float* HWY_RESTRICT late,
+                            const std::uint32_t* HWY_RESTRICT words) {
   const FloatTag tag;
   const IntTag int_tag;
+  const UintTag uint_tag;
+  constexpr int kVectors = static_cast<int>(kCandidates / hn::MaxLanes(FloatTag()));
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const Floats floor = constant(task.path.floor_m - PackedGround::kLowest_m);
+  const auto risk_bits = hn::Set(uint_tag, PackedGround::kRiskMax);
+  hn::Vec<UintTag> risk[kVectors];
+  Floats needed[kVectors];
+#pragma GCC unroll 8
+  for (int v = 0; v < kVectors; ++v) {
+    risk[v] = hn::Zero(uint_tag);
+    needed[v] = constant(kNothing);
+  }
+  for (int i = 0; i < from; ++i, words += kCandidates) {
+#pragma GCC unroll 8
+    for (int v = 0; v < kVectors; ++v) {
+      risk[v] = hn::Add(risk[v], hn::And(hn::Load(uint_tag, words + v * lanes), risk_bits));
+    }
+  }
+  for (int i = from; i < task.path.samples; ++i, words += kCandidates) {
+    const Floats share = constant(early[i]);
+    const Floats late_share = constant(late[i]);
+#pragma GCC unroll 8
+    for (int v = 0; v < kVectors; ++v) {
+      const auto word = hn::Load(uint_tag, words + v * lanes);
+      risk[v] = hn::Add(risk[v], hn::And(word, risk_bits));
+      const Floats rise = rise_over(word, floor);
+      needed[v] = hn::Max(needed[v], hn::Max(hn::Mul(rise, share), hn::Mul(rise, late_share)));
+    }
+  }
+#pragma GCC unroll 8
+  for (int v = 0; v < kVectors; ++v) {
+    hn::StoreU(hn::ConvertTo(tag, hn::BitCast(int_tag, risk[v])), tag, task.risk + v * lanes);
+    hn::StoreU(needed[v], tag, task.needed + v * lanes);
+  }
+}
+
+void rollout_kernel(RolloutTask& task, FlightScratch& scratch) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const UintTag uint_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   ForecastTask& path = task.path;
-  const int padded = padded_to_lanes(path.samples);
-  const auto room = static_cast<std::size_t>(padded) + 1;
-  float* HWY_RESTRICT bearing = with_room(scratch, 4 * room + room * kLanes);
-  float* HWY_RESTRICT guide_rise = bearing + room;
-  float* HWY_RESTRICT bend = guide_rise + room;
-  float* HWY_RESTRICT ground_rise = bend + room;
-  float* HWY_RESTRICT rises = ground_rise + room;
-  look_along_guide(path, bearing, guide_rise);
+  const auto padded = static_cast<std::size_t>(padded_to_lanes(path.samples));
+  float* HWY_RESTRICT bearing = with_room(scratch.lines, 6 * padded);
+  float* HWY_RESTRICT guide_rise = bearing + padded;
+  float* HWY_RESTRICT bend = guide_rise + padded;
+  float* HWY_RESTRICT early = bend + padded;
+  float* HWY_RESTRICT late = early + padded;
+  float* HWY_RESTRICT ground_rise = late + padded;
+  std::uint32_t* HWY_RESTRICT words = with_room(scratch.words, (kCandidates + 1) * padded);
+  std::uint32_t* HWY_RESTRICT commanded = words + kCandidates * padded;
+  look_along_guide(path, scratch, bearing, guide_rise);
   float beside = path.beside_rad;
   bend[0] = 0.0F;
   for (int i = 1; i < path.samples; ++i) {
     beside *= path.fading;
     bend[i] = bearing[i - 1] - path.bearing_now_rad + (beside - path.beside_rad);
+  }
+  // Shares of the distance in a tangent.
+  const int end = path.samples;
+  for (int i = 0; i < end; i += lanes) {
+    const Floats run_m = hn::Mul(numbers_from(i + 1), constant(task.step_m));
+    const Floats lag_m = constant(task.lag_m);
+    const Floats one = constant(1.0F);
+    hn::Store(hn::Div(one, hn::Max(hn::Sub(run_m, lag_m), constant(task.shortest_m))), tag,
+              early + i);
+    hn::Store(hn::Div(one, hn::Add(run_m, lag_m)), tag, late + i);
+  }
+  int far = 0;  // first sample beyond the lag
+  while (far < end && static_cast<float>(far + 1) * task.step_m <= task.lag_m) {
+    ++far;
   }
   constexpr int kVectors = 2;
   const float reach_cells = static_cast<float>(path.samples) *
@@ -772,17 +863,30 @@ void rollout_kernel(RolloutTask& task, std::vector<float>& scratch) {
   const auto reach = static_cast<int>(std::min(reach_cells, 1e6F));
   const bool is_inside = path.column >= reach && path.row >= reach &&
                          path.column + reach < path.columns && path.row + reach < path.rows;
+  std::int32_t* HWY_RESTRICT cells = with_room(scratch.cells, kCandidates * padded);
   for (int first = 0; first < kCandidates; first += kVectors * lanes) {
     if (is_inside) {
-      roll_out<kVectors, true>(task, first, bend, rises);
+      fly_paths<kVectors, true>(task, first, bend, cells, words);
     } else {
-      roll_out<kVectors, false>(task, first, bend, rises);
+      fly_paths<kVectors, false>(task, first, bend, cells, words);
     }
   }
-  for (int i = 0; i < path.samples; ++i) {
-    ground_rise[i] = rises[i * lanes + lanes - 1];
+  for (int i = 0; i < end; ++i) {
+    commanded[i] = words[i * kCandidates + kCommandedCandidate];
   }
-  std::fill(ground_rise + path.samples, ground_rise + padded, kNothing);
+  judge_paths(task, far, early, late, words);
+
+  Floats near = constant(kNothing);
+  const Floats floor = constant(path.floor_m - PackedGround::kLowest_m);
+  for (int i = 0; i < end; i += lanes) {
+    const Floats rise = rise_over(hn::Load(uint_tag, commanded + i), floor);
+    hn::Store(rise, tag, ground_rise + i);
+    const Floats tangent =
+        hn::Max(hn::Mul(rise, hn::Load(tag, early + i)), hn::Mul(rise, hn::Load(tag, late + i)));
+    const FloatMask is_near = hn::Le(numbers_from(i + 1), constant(static_cast<float>(far)));
+    near = hn::IfThenElse(is_near, hn::Max(near, tangent), near);
+  }
+  task.near[0] = hn::GetLane(hn::MaxOfLanes(tag, near));
   greatest_rates(path, ground_rise, guide_rise);
 
   // The choice.
@@ -792,6 +896,7 @@ void rollout_kernel(RolloutTask& task, std::vector<float>& scratch) {
   const FloatMask is_quadratic = hn::Gt(constant(task.is_quadratic ? 1.0F : 0.0F), zero);
   Floats best = constant(std::numeric_limits<float>::infinity());
   auto best_at = hn::Set(int_tag, kNoDirection);
+  auto index = hn::Load(int_tag, kIndices);
   for (int k = 0; k < kCandidates; k += lanes) {
     const Floats wanted = hn::LoadU(tag, task.wanted_rad + k);
     const Floats needed = hn::LoadU(tag, task.needed + k);
@@ -814,7 +919,8 @@ void rollout_kernel(RolloutTask& task, std::vector<float>& scratch) {
     const FloatMask is_better =
         hn::And(hn::Lt(cost, best), hn::Le(needed, constant(task.tangent_max)));
     best = hn::IfThenElse(is_better, cost, best);
-    best_at = hn::IfThenElse(hn::RebindMask(int_tag, is_better), hn::Iota(int_tag, k), best_at);
+    best_at = hn::IfThenElse(hn::RebindMask(int_tag, is_better), index, best_at);
+    index = hn::Add(index, hn::Set(int_tag, lanes));
   }
   const Floats least = hn::MinOfLanes(tag, best);
   task.chosen = kNoDirection;
@@ -850,11 +956,11 @@ void best_risk(const RiskTask& task, HistogramScratch& scratch) {
   HWY_DYNAMIC_DISPATCH(risk_kernel)(task, scratch);
 }
 
-void best_forecast(ForecastTask& task, std::vector<float>& scratch) {
+void best_forecast(ForecastTask& task, FlightScratch& scratch) {
   HWY_DYNAMIC_DISPATCH(forecast_kernel)(task, scratch);
 }
 
-void best_rollout(RolloutTask& task, std::vector<float>& scratch) {
+void best_rollout(RolloutTask& task, FlightScratch& scratch) {
   HWY_DYNAMIC_DISPATCH(rollout_kernel)(task, scratch);
 }
 

@@ -140,9 +140,8 @@ inline constexpr int kNoDirection = -2;
 /// ClimbForecast.
 struct ForecastTask {
   int samples = 0;
-  const float* bearing_rad = nullptr;  // of the guide's target, by place along the guide
-  const float* altitude_m = nullptr;   // of the guide, likewise
-  int table_count = 0;
+  const float* guide = nullptr;  // by place along it: bearing of its target [rad], altitude [m]
+  int table_count = 0;           // places
   float from_in_table = 0.0F;
   float step_in_table = 0.0F;
   float end_in_table = 0.0F;  // places beyond do not count
@@ -209,12 +208,20 @@ struct RolloutTask {
   int chosen = kNoDirection;  // out: cheapest feasible candidate
 };
 
+/// Memory of flights ahead, aligned by its users.
+struct FlightScratch {
+  Aligned<float> lines;   // along the samples
+  Aligned<float> places;  // of the guide, two for each sample
+  Aligned<std::int32_t> cells;
+  Aligned<std::uint32_t> words;  // of packed ground: candidates of the first sample, of the next
+};
+
 struct StepKernels {
   void (*histogram)(HistogramTask& task, HistogramScratch& scratch) = nullptr;
   void (*risk)(const RiskTask& task, HistogramScratch& scratch) = nullptr;
   int (*cheapest)(const DirectionTask& task) = nullptr;
-  void (*forecast)(ForecastTask& task, std::vector<float>& scratch) = nullptr;
-  void (*rollout)(RolloutTask& task, std::vector<float>& scratch) = nullptr;
+  void (*forecast)(ForecastTask& task, FlightScratch& scratch) = nullptr;
+  void (*rollout)(RolloutTask& task, FlightScratch& scratch) = nullptr;
 };
 /// Asking the processor is slow, so ask once. For kPlain those of kBest: what
 /// has a plain form elsewhere is called there.

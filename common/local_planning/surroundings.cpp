@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numbers>
 #include <vector>
 
 namespace hedgehop::local_planning {
@@ -76,6 +77,11 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
 
 void Surroundings::pack(double tube_radius_m) {
   const raster::GridGeometry& g = geometry();
+  // The centres that a place is interpolated between lie within a cell of it on both axes; as seen
+  // from the square of a place at most half a cell away, within half a cell of that.
+  const bool is_wide = tube_radius_m >= 0.5 * std::numbers::sqrt2 * g.cell_m;
+  sure_reach_m_ =
+      std::max(is_wide ? 0.5 * g.cell_m : -1.0, tube_radius_m - std::numbers::sqrt2 * g.cell_m);
   // Half the width of the part of each row that counts, from the row of the
   // cell itself outwards.
   const double half_m = 0.5 * g.cell_m;

@@ -60,6 +60,17 @@ class Surroundings {
   void pack(double tube_radius_m);
   /// Empty without pack(); padded. See PackedGround.
   [[nodiscard]] const raster::Grid<std::uint32_t>& packed() const { return packed_; }
+  /// Whether what is packed alone shows that no surface within `reach_m` of a point on the map,
+  /// interpolated between cells or not, is as high as `altitude_m`. False says nothing.
+  [[nodiscard]] bool is_surely_above(const geo::MapPoint& point, double reach_m,
+                                     double altitude_m) const {
+    const raster::CellIndex cell = geometry().cell_at(point);
+    return reach_m <= sure_reach_m_ && geometry().contains(cell) &&
+           altitude_m > static_cast<double>(PackedGround::kLowest_m) +
+                            (packed_.at(cell) >> PackedGround::kRiskBits) /
+                                static_cast<double>(PackedGround::kStepsPerMetre) +
+                            1e-3;
+  }
   /// Whether the point lies on the map itself, not on the padding.
   [[nodiscard]] bool is_on_map(const geo::MapPoint& point) const {
     return map_geometry_.contains(point);
@@ -72,6 +83,7 @@ class Surroundings {
   raster::Grid<float> dilated_m_;
   raster::Grid<std::uint32_t> packed_;
   double risk_max_ = 0.0;
+  double sure_reach_m_ = -1.0;  // of is_surely_above()
 };
 
 }  // namespace hedgehop::local_planning

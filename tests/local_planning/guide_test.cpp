@@ -4,6 +4,10 @@
 #include <gtest/gtest.h>
 #include <limits>
 #include <numbers>
+#include <random>
+#include <vector>
+
+#include "support/fresh_seed.hpp"
 
 namespace hedgehop::local_planning {
 namespace {
@@ -34,6 +38,37 @@ TEST(Guide, ProjectionDoesNotJumpToANeighbouringLeg) {
   EXPECT_DOUBLE_EQ(guide.project({200, 30}, 50, 700), 200.0);
   EXPECT_DOUBLE_EQ(guide.project({200, 30}, 1200, 2000), 1840.0);
   EXPECT_DOUBLE_EQ(guide.project({200, 30}, 250, 700), 250.0) << "held within the window";
+}
+
+TEST(Guide, ProjectionIsTheSameFromAnyGuess) {
+  std::mt19937_64 random(test::fresh_seed());
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int trial = 0; trial < 200; ++trial) {
+    // Legs of all lengths that turn back and cross each other, now and then on whole metres, where
+    // two places are equally near.
+    const bool is_whole = trial % 4 == 0;
+    std::vector<flight::Waypoint> points;
+    double x_m = 5e5;
+    double y_m = 5e6;
+    for (int i = 0; i < 40; ++i) {
+      points.push_back({x_m, y_m, 0.0});
+      const double reach_m = uniform(1.0, 150.0);
+      x_m += is_whole ? std::round(uniform(-3.0, 3.0)) * 10.0 : uniform(-reach_m, reach_m);
+      y_m += is_whole ? std::round(uniform(-3.0, 3.0)) * 10.0 : uniform(-reach_m, reach_m);
+    }
+    const Guide guide(points);
+    for (int i = 0; i < 50; ++i) {
+      const flight::Waypoint near = points[random() % points.size()];
+      const geo::MapPoint point{near.x_m + std::round(uniform(-40.0, 40.0)),
+                                near.y_m + std::round(uniform(-40.0, 40.0))};
+      const double from_m = uniform(-100.0, guide.length_m());
+      const double to_m = from_m + uniform(0.0, 800.0);
+      EXPECT_EQ(guide.project(point, from_m, to_m, uniform(from_m, to_m)),
+                guide.project(point, from_m, to_m));
+    }
+  }
 }
 
 TEST(Guide, RepeatedPlacesAreMerged) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "local_planning/local_planning_setup.hpp"
+#include "local_planning/vertical_pass.hpp"
 #include "support/fresh_seed.hpp"
 #include "support/test_map.hpp"
 
@@ -61,6 +62,38 @@ TEST(PackedGround, IsTheGreatestSurfaceWithinTheTubeOfAnywhereInTheCell) {
       }
     }
     EXPECT_GT(inner, 500);
+  }
+}
+
+TEST(PackedGround, WhatIsSurelyAboveIsAboveTheSurfaceBeside) {
+  std::mt19937_64 random(test::fresh_seed());
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (const double cell_m : {30.0, 20.0, 10.0, 5.0}) {
+    const map::Map map =
+        test::make_map(static_cast<int>(1000.0 / cell_m), static_cast<int>(1000.0 / cell_m), cell_m,
+                       [&](double, double) { return uniform(0.0, 100.0); });
+    const risk::CostModel costs = test::test_costs(map);
+    const double disc_m = 24.0 + 0.5 * std::numbers::sqrt2 * cell_m;
+    Surroundings surroundings(costs, 200.0, disc_m, 1.0, 1.0);
+    surroundings.pack(std::sqrt(disc_m * disc_m + 144.0));
+    int sure = 0;
+    for (int i = 0; i < 20000; ++i) {
+      const geo::MapPoint to{uniform(0.0, 1000.0), uniform(0.0, 1000.0)};
+      const double way_m = uniform(0.0, 15.0);
+      const double course_rad = uniform(-kPi, kPi);
+      const geo::MapPoint from{to.x_m - way_m * std::cos(course_rad),
+                               to.y_m - way_m * std::sin(course_rad)};
+      const double margin_m = uniform(0.0, 8.0);
+      const double altitude_m = uniform(60.0, 105.0);
+      if (surroundings.is_surely_above(to, std::hypot(way_m, margin_m), altitude_m)) {
+        ++sure;
+        ASSERT_GT(altitude_m, highest_beside_m(surroundings.surface_m(), from, to, margin_m));
+      }
+    }
+    EXPECT_GT(sure, 200);
+    EXPECT_FALSE(surroundings.is_surely_above({500.0, 500.0}, 100.0, 1e4));
   }
 }
 
