@@ -8,7 +8,7 @@
 #include "base/shipped_config.hpp"
 #include "evaluation/flight_evaluation.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 #include "services/command_model/command_model_service.hpp"
 #include "verbs.hpp"
 
@@ -42,7 +42,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   const auto service = services::read_command_model_options(shipped("command_model.yaml"));
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::FlightResult result = evaluation::evaluate_flight(
       map, config, options, rotor, service.path_following, seed, *observer);

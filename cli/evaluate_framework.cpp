@@ -8,7 +8,7 @@
 #include "evaluation/framework_comparison.hpp"
 #include "evaluation/sensitivity.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 
 namespace hedgehop::cli {
 namespace {
@@ -87,7 +87,7 @@ ExitCode run_table3(const Console& console, const FrameworkArguments& arguments)
   }
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::FrameworkResult result = evaluation::compare_frameworks(
       map, config, options, seed, arguments.folder, process_cpu_s, wall_s, *observer);
@@ -123,7 +123,7 @@ ExitCode run_sensitivity(const Console& console, const FrameworkArguments& argum
   }
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::SensitivityResult result = evaluation::evaluate_sensitivity(
       map, config, options, rules, seed, arguments.folder, planned_route, *observer);

@@ -8,7 +8,7 @@
 #include "base/errors.hpp"
 #include "evaluation/local_flights.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 
 namespace hedgehop::cli {
 namespace {
@@ -85,7 +85,7 @@ ExitCode run_table2(const Console& console, const LocalArguments& arguments) {
   }
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::DrawnRoutes routes =
       routes_of(map, config, options.routes, options.table2.runs, seed, arguments, *observer);
@@ -125,7 +125,7 @@ ExitCode run_local_safety(const Console& console, const LocalArguments& argument
   keep_planners(options.safety.rows, arguments.planners);
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::DrawnRoutes routes =
       routes_of(map, config, options.routes, options.safety.flights, seed, arguments, *observer);

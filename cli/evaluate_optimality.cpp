@@ -8,7 +8,7 @@
 #include "evaluation/contestants.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -78,7 +78,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
                          : evaluation::polish_s_of(shipped, options.budgets_s);
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const risk::CostModel costs = planning::cost_model(map, config);
   const auto contestants = evaluation::make_contestants(options.planners, costs, config,
                                                         shipped.overrun_s, process_cpu_s);

@@ -11,7 +11,7 @@
 #include "evaluation/paired_statistics.hpp"
 #include "evaluation/reaction_evaluation.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 #include "services/command_model/command_model_service.hpp"
 #include "verbs.hpp"
 
@@ -73,7 +73,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
       ConfigReader::from_text(shipped_config("command_model.yaml"), "config/command_model.yaml"));
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   // Some plans do not verify, and some things would lie outside the map.
   const std::int64_t routes = 2 + 5 * options.events / (4 * options.events_per_route);

@@ -7,7 +7,7 @@
 
 #include "evaluation/replanning_evaluation.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -61,7 +61,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   }
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::ReplanningResult result =
       evaluation::evaluate_replanning(map, config, options, seed, process_cpu_s, *observer);

@@ -9,7 +9,7 @@
 
 #include "evaluation/local_speed.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -30,7 +30,7 @@ ExitCode run_local_speed(const Console& console, const SpeedArguments& arguments
   const planning::PlanningConfig config = arguments.planning.config();
   std::optional<map::Map> map;
   if (!arguments.map.empty()) {
-    map = map::read_map_bundle(arguments.map);
+    map = planning::read_map_for(arguments.map, config);
   }
   const auto observer = console.observer();
   const evaluation::LocalSpeedResult result = evaluation::evaluate_local_speed(

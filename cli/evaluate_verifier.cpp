@@ -6,7 +6,7 @@
 
 #include "evaluation/verifier_evaluation.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 
 namespace hedgehop::cli {
 namespace {
@@ -56,7 +56,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   }
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const auto plan = [](const map::Map& on, const flight::PlanRequest& request,
                        const planning::PlanningConfig& with, Observer& watcher) {

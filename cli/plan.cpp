@@ -10,12 +10,12 @@
 #include "base/files.hpp"
 #include "effective_config.hpp"
 #include "evaluation/risk_planning.hpp"
-#include "map/map_bundle.hpp"
 #include "output/figures.hpp"
 #include "output/plan_bundle.hpp"
 #include "output/route_choices.hpp"
 #include "plan_result.hpp"
 #include "planning/alternatives.hpp"
+#include "planning/map_for_plan.hpp"
 #include "planning/planning.hpp"
 #include "planning/request_areas.hpp"
 #include "planning/roadmap_store.hpp"
@@ -235,7 +235,7 @@ ExitCode run(const Console& console, const PlanArguments& arguments) {
   const auto observer = console.observer();
 
   StageTimer timer;
-  map::Map map = map::read_map_bundle(arguments.map);
+  map::Map map = planning::read_map_for(arguments.map, config);
   observer->check_stop();
   const flight::PlanRequest request = arguments.request.plan_request(mission, &map, *observer);
   map = planning::map_with_areas(std::move(map), request.areas);

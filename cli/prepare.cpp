@@ -189,7 +189,7 @@ ExitCode run(const Console& console, const PrepareArguments& arguments) {
     for (const preparation::ThreatLayer& threat : prepared.threats) {
       bands.push_back({threat.name, &threat.lowest_seen_m});
     }
-    map::write_height_bands(prepared.map, bands, folder.path() / "threats.tif", observer.get());
+    map::write_height_bands(prepared.map, bands, folder.path() / map::kThreatsFile, observer.get());
   }
   observer->progress("writing the map", 1.0, 1.0);
   observer->check_stop();

@@ -28,7 +28,6 @@ namespace fs = std::filesystem;
 
 constexpr char kReportFile[] = "report.html";
 constexpr char kFiguresFolder[] = "figures";
-constexpr char kThreatsFile[] = "threats.tif";
 
 struct Options {
   briefing::LegOptions legs;
@@ -192,7 +191,7 @@ std::string report_html(const ReportRequest& request, const flight::Plan& plan,
   content.straight = briefing::straight_cost(model, straight_places(plan, map),
                                              content.straight_height_m, options.costs.step_m);
   std::error_code error;
-  if (const fs::path threats = request.map_folder / kThreatsFile; fs::exists(threats, error)) {
+  if (const fs::path threats = request.map_folder / map::kThreatsFile; fs::exists(threats, error)) {
     content.threats = map::read_height_bands(map, threats);
     content.exposures = briefing::exposures(content.threats, plan.trajectory);
   }

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 #include "planning/roadmap_store.hpp"
 #include "verbs.hpp"
 
@@ -19,7 +19,7 @@ struct RoadmapArguments {
 
 ExitCode run(const Console& console, const RoadmapArguments& arguments) {
   const planning::PlanningConfig config = arguments.planning.config();
-  const map::Map map = map::read_map_bundle(arguments.map);
+  const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const std::filesystem::path file = planning::roadmap_file(arguments.map);
   const double before_s = process_cpu_s();

@@ -7,7 +7,7 @@
 #include "base/files.hpp"
 #include "evaluation/tuning.hpp"
 #include "evaluation_arguments.hpp"
-#include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -82,7 +82,7 @@ void draw(const TuneArguments& arguments, const TuneConfig& config,
           const planning::PlanningConfig& planning, std::uint64_t seed, Observer& observer,
           Problems& problems) {
   for (const std::string& folder : arguments.maps) {
-    problems.maps.push_back(map::read_map_bundle(folder));
+    problems.maps.push_back(planning::read_map_for(folder, planning));
   }
   for (const map::Map& map : problems.maps) {
     problems.costs.push_back(planning::cost_model(map, planning));

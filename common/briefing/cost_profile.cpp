@@ -9,8 +9,22 @@
 namespace hedgehop::briefing {
 namespace {
 
-flight::RouteCost density_at(const risk::CostModel& model, const geo::MapPoint& place,
-                             double height_m) {
+using flight::add;
+
+// A straight piece of a path, seen from above.
+struct Piece {
+  geo::MapPoint middle;
+  double east_m = 0.0, north_m = 0.0;  // from its beginning to its end
+
+  [[nodiscard]] double length_m() const { return std::sqrt(east_m * east_m + north_m * north_m); }
+  [[nodiscard]] geo::MapPoint at(double share) const {
+    return {middle.x_m + share * east_m, middle.y_m + share * north_m};
+  }
+};
+
+// Of a metre of the piece: what depends on the place is taken in its middle.
+flight::RouteCost density_on(const risk::CostModel& model, const Piece& piece, double height_m) {
+  const geo::MapPoint& place = piece.middle;
   const risk::CostWeights& weights = model.weights();
   const double seen = model.seen(place, height_m);
   const double altitude_m = raster::sample_bilinear(model.map().surface_m, place) + height_m;
@@ -19,14 +33,25 @@ flight::RouteCost density_at(const risk::CostModel& model, const geo::MapPoint& 
   cost.visibility_m = weights.visibility * seen * seen;
   cost.semantics_m = weights.semantics * model.semantics(place, altitude_m);
   cost.height_m = weights.height_1pm * std::fabs(height_m - model.reference_height_m());
+  cost.soft_ceiling_m = model.density_rule().above_soft_ceiling(height_m);
+  const raster::GridGeometry& geometry = model.map().geometry;
+  const double length_m = piece.length_m();
+  if (geometry.contains(place)) {
+    const raster::CellIndex at = geometry.cell_at(place);
+    const std::size_t cell =
+        static_cast<std::size_t>(at.row) * static_cast<std::size_t>(geometry.columns) +
+        static_cast<std::size_t>(at.column);
+    if (model.has_threats()) {
+      cost.threats_m = model.threat_density(cell, height_m);
+    }
+    if (model.has_slope() && length_m > 0.0) {
+      cost.slope_m = model.slope_density(cell, piece.east_m / length_m, piece.north_m / length_m);
+    }
+  }
+  if (model.has_wires() && length_m > 0.0) {
+    cost.wire_crossings_m = model.wire_cost_m(piece.at(-0.5), piece.at(0.5)) / length_m;
+  }
   return cost;
-}
-
-void add(flight::RouteCost& sum, const flight::RouteCost& cost, double factor) {
-  sum.length_m += factor * cost.length_m;
-  sum.visibility_m += factor * cost.visibility_m;
-  sum.semantics_m += factor * cost.semantics_m;
-  sum.height_m += factor * cost.height_m;
 }
 
 }  // namespace
@@ -97,13 +122,16 @@ CostProfile cost_profile(const risk::CostModel& model, const flight::Trajectory&
     if (map.geometry.contains(place.place)) {
       place.classes = map.semantics.at(map.geometry.cell_at(place.place));
     }
-    place.here = density_at(model, place.place, place.height_m);
-    const double nx = piece_m > 0.0 ? -dy_m / piece_m : 0.0;  // to the left
-    const double ny = piece_m > 0.0 ? dx_m / piece_m : 0.0;
-    const auto beside = [&](double offset_m) {
-      return density_at(model, {place.place.x_m + offset_m * nx, place.place.y_m + offset_m * ny},
+    const double ux = piece_m > 0.0 ? dx_m / piece_m : 0.0;
+    const double uy = piece_m > 0.0 ? dy_m / piece_m : 0.0;
+    const auto beside = [&](double offset_m) {  // to the left
+      return density_on(model,
+                        {{place.place.x_m - offset_m * uy, place.place.y_m + offset_m * ux},
+                         profile.step_m * ux,
+                         profile.step_m * uy},
                         place.height_m);
     };
+    place.here = beside(0.0);
     place.left = beside(options.beside_m);
     place.right = beside(-options.beside_m);
     profile.places.push_back(place);
@@ -122,9 +150,14 @@ flight::RouteCost straight_cost(const risk::CostModel& model,
     const auto count = std::max(1L, std::lround(std::ceil(length_m / step_m)));
     for (long k = 0; k < count; ++k) {
       const double t = (static_cast<double>(k) + 0.5) / static_cast<double>(count);
+      const double share = 1.0 / static_cast<double>(count);
       add(sum,
-          density_at(model, {places[i - 1].x_m + t * dx_m, places[i - 1].y_m + t * dy_m}, height_m),
-          length_m / static_cast<double>(count));
+          density_on(model,
+                     {{places[i - 1].x_m + t * dx_m, places[i - 1].y_m + t * dy_m},
+                      share * dx_m,
+                      share * dy_m},
+                     height_m),
+          length_m * share);
     }
   }
   return sum;

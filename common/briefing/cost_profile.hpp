@@ -17,7 +17,8 @@ struct CostOptions {
 /// Section `costs` of config/report.yaml.
 CostOptions read_cost_options(ConfigReader& reader);
 
-/// Eq. (1) for a metre of path at a place of the flight, term by term [-]; `length_m` is 1.
+/// What a metre of path costs at a place of the flight, term by term [-]; `length_m` is 1. A wire
+/// that the track crosses within the step around the place is spread over it.
 struct CostPlace {
   double along_m = 0.0;  // distance flown
   double time_s = 0.0;

@@ -4,6 +4,12 @@
 
 namespace hedgehop::flight {
 
+void add(RouteCost& sum, const RouteCost& cost, double factor) {
+  for (const CostTerm& term : kCostTerms) {
+    sum.*term.value_m += factor * cost.*term.value_m;
+  }
+}
+
 double length_m(const std::vector<Waypoint>& waypoints) {
   double sum_m = 0.0;
   for (std::size_t i = 1; i < waypoints.size(); ++i) {

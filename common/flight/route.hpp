@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -17,16 +19,45 @@ struct Waypoint {
   bool operator==(const Waypoint&) const = default;
 };
 
-/// The four terms of eq. (1) [m], weights applied.
+/// What a route costs [m], weights applied: the four terms of eq. (1), and those beyond it, which
+/// are 0 unless the config gives them a weight.
 struct RouteCost {
   double length_m = 0.0;
   double visibility_m = 0.0;
   double semantics_m = 0.0;
   double height_m = 0.0;
+  double soft_ceiling_m = 0.0;    // above the soft ceiling
+  double threats_m = 0.0;         // seen by named observers
+  double wire_crossings_m = 0.0;  // away from poles
+  double slope_m = 0.0;           // up and down hillsides
 
-  [[nodiscard]] double total_m() const { return length_m + visibility_m + semantics_m + height_m; }
+  [[nodiscard]] double total_m() const {
+    return length_m + visibility_m + semantics_m + height_m + soft_ceiling_m + threats_m +
+           wire_crossings_m + slope_m;
+  }
   bool operator==(const RouteCost&) const = default;
 };
+
+/// A term of a cost, as files call it and as people do.
+struct CostTerm {
+  const char* name;
+  const char* words;
+  double RouteCost::*value_m;
+};
+/// All of them, those of eq. (1) first.
+inline constexpr std::array<CostTerm, 8> kCostTerms = {
+    {{"length_m", "length", &RouteCost::length_m},
+     {"visibility_m", "visibility", &RouteCost::visibility_m},
+     {"semantics_m", "land use", &RouteCost::semantics_m},
+     {"height_m", "height", &RouteCost::height_m},
+     {"soft_ceiling_m", "above the soft ceiling", &RouteCost::soft_ceiling_m},
+     {"threats_m", "named observers", &RouteCost::threats_m},
+     {"wire_crossings_m", "wires", &RouteCost::wire_crossings_m},
+     {"slope_m", "slope", &RouteCost::slope_m}}};
+inline constexpr std::size_t kPaperCostTerms = 4;  // of these are those of eq. (1)
+
+/// Adds a cost, each term `factor` times.
+void add(RouteCost& sum, const RouteCost& cost, double factor = 1.0);
 
 /// What the global planner found: straight legs between waypoints.
 struct Route {

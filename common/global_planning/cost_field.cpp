@@ -48,6 +48,7 @@ constexpr int kFrame = 2;
 // How far a field that ends at a block is known beyond it.
 constexpr float kBeyond = 1.25F;
 constexpr float kBeyondBlocks = 30.0F;  // at the least cost of a metre
+constexpr float kFormRounding = 1e-4F;
 
 }  // namespace
 
@@ -73,6 +74,15 @@ CostField::CostField(const FlightEnvelope& envelope, double block_m)
       density_[framed(column, row)] = mean_density(envelope, column, row);
     }
   }
+  if (!envelope.costs().has_slope()) {
+    return;
+  }
+  slope_.assign(density_.size(), {});
+  for (int row = 0; row < blocks_.rows; ++row) {
+    for (int column = 0; column < blocks_.columns; ++column) {
+      slope_[framed(column, row)] = mean_slope(envelope, column, row);
+    }
+  }
 }
 
 CostField::CostField(const FlightEnvelope& envelope, const geo::MapPoint& target, double block_m)
@@ -93,7 +103,21 @@ CostField::CostField(const CostField& blocks, const geo::MapPoint& target,
 std::optional<CostField> CostField::with_densities(const raster::GridGeometry& cells,
                                                    double block_m, std::vector<float> densities) {
   CostField field(cells, block_m);
-  if (densities.size() != field.density_.size()) {
+  const std::size_t blocks = field.density_.size();
+  if (densities.size() == 4 * blocks) {
+    for (std::size_t i = 0; i < blocks; ++i) {
+      const float* form = densities.data() + blocks + 3 * i;
+      // No direction may cost less than nothing.
+      if (!(form[0] >= 0.0F && form[2] >= 0.0F && std::isfinite(form[0]) &&
+            std::isfinite(form[2]) &&
+            form[1] * form[1] <= 4.0F * form[0] * form[2] * (1.0F + kFormRounding))) {
+        return std::nullopt;
+      }
+      field.slope_.push_back({form[0], form[1], form[2]});
+    }
+    densities.resize(blocks);
+  }
+  if (densities.size() != blocks) {
     return std::nullopt;
   }
   // A metre costs at least 1, and nothing leads through the frame.
@@ -108,6 +132,14 @@ std::optional<CostField> CostField::with_densities(const raster::GridGeometry& c
   }
   field.density_ = std::move(densities);
   return field;
+}
+
+std::vector<float> CostField::densities() const {
+  std::vector<float> numbers = density_;
+  for (const std::array<float, 3>& form : slope_) {
+    numbers.insert(numbers.end(), form.begin(), form.end());
+  }
+  return numbers;
 }
 
 void CostField::begin_at(const geo::MapPoint& target) {
@@ -143,9 +175,45 @@ float CostField::mean_density(const FlightEnvelope& envelope, int column, int ro
   return flyable > 0 ? static_cast<float>(sum / flyable) : kInfinity;
 }
 
+std::array<float, 3> CostField::mean_slope(const FlightEnvelope& envelope, int column,
+                                           int row) const {
+  const raster::GridGeometry& cells = envelope.geometry();
+  std::array<double, 3> sum{};
+  int known = 0;
+  for (int y = row * factor_; y < std::min((row + 1) * factor_, cells.rows); ++y) {
+    for (int x = column * factor_; x < std::min((column + 1) * factor_, cells.columns); ++x) {
+      const std::array<double, 3> form = envelope.costs().slope_form(
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(cells.columns) +
+          static_cast<std::size_t>(x));
+      if (!std::isnan(form[0])) {
+        for (std::size_t i = 0; i < form.size(); ++i) {
+          sum[i] += form[i];
+        }
+        ++known;
+      }
+    }
+  }
+  const double share = known > 0 ? 1.0 / known : 0.0;
+  return {static_cast<float>(share * sum[0]), static_cast<float>(share * sum[1]),
+          static_cast<float>(share * sum[2])};
+}
+
 float CostField::step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const {
   const auto half_block_m = static_cast<float>(0.5 * blocks_.cell_m);
-  return (density_[from] + density_[to]) * (half_block_m * kNeighbours[k].length);
+  const Neighbour& step = kNeighbours[k];
+  const float densities = density_[from] + density_[to];
+  if (slope_.empty()) {
+    return densities * (half_block_m * step.length);
+  }
+  const auto dx = static_cast<float>(step.columns);
+  const auto dy = static_cast<float>(step.rows);
+  const std::array<float, 3>& a = slope_[from];
+  const std::array<float, 3>& b = slope_[to];
+  const float slopes =
+      std::max((a[0] + b[0]) * (dx * dx) + (a[1] + b[1]) * (dx * dy) + (a[2] + b[2]) * (dy * dy),
+               0.0F) /
+      (step.length * step.length);
+  return (densities + slopes) * (half_block_m * step.length);
 }
 
 void CostField::push(float cost_m, std::uint32_t block) {

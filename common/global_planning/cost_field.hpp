@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -13,7 +14,8 @@
 namespace hedgehop::global_planning {
 
 /// Cost of the way from each place of the map to one target, in plan view and as low as the
-/// envelope allows: what eq. (1) would charge if climb and turn limits did not exist.
+/// envelope allows: what a route would cost if there were no climb limit, no turn limit and no
+/// wires. Slopes count by the direction of each step.
 ///
 /// Cells are joined to blocks of about `block_m` that cost the mean of what their flyable cells
 /// cost; Dijkstra's method joins each block with sixteen neighbours. Such paths are up to 2.8 %
@@ -31,7 +33,7 @@ class CostField {
 
   /// What blocks cost, for files; with_densities() reverses it, and is null for numbers that cannot
   /// be those of such a map.
-  [[nodiscard]] const std::vector<float>& densities() const { return density_; }
+  [[nodiscard]] std::vector<float> densities() const;
   static std::optional<CostField> with_densities(const raster::GridGeometry& cells, double block_m,
                                                  std::vector<float> densities);
 
@@ -63,6 +65,8 @@ class CostField {
   void begin_at(const geo::MapPoint& target);
   [[nodiscard]] std::uint32_t framed(int column, int row) const;
   [[nodiscard]] float mean_density(const FlightEnvelope& envelope, int column, int row) const;
+  [[nodiscard]] std::array<float, 3> mean_slope(const FlightEnvelope& envelope, int column,
+                                                int row) const;
   [[nodiscard]] float step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const;
   void push(float cost_m, std::uint32_t block);
   // Dijkstra's method from what is in the queue; ends somewhat beyond the block `last`.
@@ -75,6 +79,8 @@ class CostField {
   bool has_target_ = false;
   // With a frame of blocks that cannot be flown, which saves every test for the border.
   std::vector<float> density_;
+  // By direction, see risk::CostModel::slope_form(); empty where slopes cost nothing.
+  std::vector<std::array<float, 3>> slope_;
   std::vector<float> cost_m_;  // not yet divided by the metrication
   std::vector<std::ptrdiff_t> jump_;
   std::vector<Entry> queue_;

@@ -89,6 +89,9 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
                                const flight::Waypoint& start, const flight::Waypoint& goal)
     : costs_(&costs),
       geometry_(costs.map().geometry),
+      has_threats_(costs.has_threats()),
+      has_slope_(costs.has_slope()),
+      has_wires_(costs.has_wires()),
       inverse_cell_1pm_(1.0 / geometry_.cell_m),
       floor_m_(options.envelope_floor_m),
       ceiling_m_(options.envelope_ceiling_m),
@@ -122,6 +125,9 @@ FlightEnvelope::FlightEnvelope(const FlightEnvelope& ground, const risk::CostMod
     : FlightEnvelope(ground) {
   costs_ = &costs;
   has_avoidance_ = false;
+  has_threats_ = costs.has_threats();
+  has_slope_ = costs.has_slope();
+  has_wires_ = costs.has_wires();
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     cells_[i].semantics = costs.semantics_layer().values()[i];
     cells_[i].avoidance = 0.0F;
@@ -270,9 +276,7 @@ FlightEnvelope::Sample FlightEnvelope::sample(double x_m, double y_m) const {
 }
 
 const FlightEnvelope::CellAreas* FlightEnvelope::areas_of(const Sample& here) const {
-  return areas_.empty() || here.nearest == nullptr
-             ? nullptr
-             : &areas_[static_cast<std::size_t>(here.nearest - cells_.data())];
+  return areas_.empty() || here.nearest == nullptr ? nullptr : &areas_[number_of(*here.nearest)];
 }
 
 bool FlightEnvelope::is_in_hard_area(const Sample& here, const geo::MapPoint& point,
@@ -284,14 +288,11 @@ bool FlightEnvelope::is_in_hard_area(const Sample& here, const geo::MapPoint& po
 
 double FlightEnvelope::density(const Sample& here, const geo::MapPoint& point,
                                double altitude_m) const {
-  const double height_m = altitude_m - here.surface_m;
   const CellAreas* areas = areas_of(here);
-  if (areas == nullptr || !areas->has_soft) {
-    return density(*here.nearest, height_m);
-  }
-  return costs_->density_rule()(here.nearest->visibilities, costs_->semantics(point, altitude_m),
-                                height_m) +
-         static_cast<double>(here.nearest->avoidance);
+  return density(*here.nearest,
+                 areas == nullptr || !areas->has_soft ? static_cast<double>(here.nearest->semantics)
+                                                      : costs_->semantics(point, altitude_m),
+                 altitude_m - here.surface_m);
 }
 
 FlightEnvelope::Sample FlightEnvelope::sample_ground(double x_m, double y_m) const {
@@ -464,6 +465,7 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
   const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
   const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / check_step_m_)));
   const double share = 1.0 / steps;
+  const double inverse_track_1pm = has_slope_ ? 1.0 / std::sqrt(dx_m * dx_m + dy_m * dy_m) : 0.0;
   double sum = 0.0;
   const auto add = [&](int k) {
     const double t = (k + 0.5) * share;
@@ -475,6 +477,10 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
       return false;
     }
     sum += density(here, point, altitude_m);
+    if (has_slope_) {
+      sum += costs_->slope_density(number_of(*here.nearest), dx_m * inverse_track_1pm,
+                                   dy_m * inverse_track_1pm);
+    }
     return true;
   };
   // Legs between two good states fail in the middle, if anywhere: begin there.
@@ -489,15 +495,19 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
       return kInfinity;
     }
   }
-  return sum * share * leg_m;
+  const double cost_m = sum * share * leg_m;
+  return has_wires_ ? cost_m + costs_->wire_cost_m(a.point(), b.point()) : cost_m;
 }
 
-double FlightEnvelope::density_at(const flight::Waypoint& point) const {
+double FlightEnvelope::density_at(const flight::Waypoint& point, double east, double north) const {
   const Sample here = sample(point.x_m, point.y_m);
   if (!(point.altitude_m >= here.band.low_m && point.altitude_m <= here.band.high_m)) {
     return kInfinity;
   }
-  return density(*here.nearest, point.altitude_m - here.surface_m);
+  const double density = this->density(*here.nearest, static_cast<double>(here.nearest->semantics),
+                                       point.altitude_m - here.surface_m);
+  return has_slope_ ? density + costs_->slope_density(number_of(*here.nearest), east, north)
+                    : density;
 }
 
 bool FlightEnvelope::is_clear(const flight::Waypoint& a, const flight::Waypoint& b) const {
@@ -611,6 +621,7 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
   const double dy_m = b.y_m - a.y_m;
   const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
   const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / rules.step_m)));
+  const double inverse_leg_1pm = has_slope_ && leg_m > 0.0 ? 1.0 / leg_m : 0.0;
   Arrival result{altitudes, 0.0};
   double sum = 0.0;
   // To the next place, `share` of the leg farther; false if no altitude is left there.
@@ -644,6 +655,10 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
       return false;
     }
     sum += share * density(here, point, result.altitudes.low_m);
+    if (has_slope_) {
+      sum += share * costs_->slope_density(number_of(*here.nearest), dx_m * inverse_leg_1pm,
+                                           dy_m * inverse_leg_1pm);
+    }
     return true;
   };
   const Arrival none{{kInfinity, -kInfinity}, kInfinity};
@@ -668,6 +683,9 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
     }
   }
   result.cost_m = sum * leg_m;
+  if (has_wires_) {
+    result.cost_m += costs_->wire_cost_m(a, b);
+  }
   return result;
 }
 
@@ -684,7 +702,7 @@ double FlightEnvelope::low_density(raster::CellIndex at) const {
   if (!(lowest_m <= highest_m)) {
     return kInfinity;
   }
-  return density(here, lowest_m - surface_m);
+  return density(here, static_cast<double>(here.semantics), lowest_m - surface_m);
 }
 
 double FlightEnvelope::least_density(raster::CellIndex at) const {
@@ -728,14 +746,15 @@ double FlightEnvelope::least_density(raster::CellIndex at) const {
     return kInfinity;
   }
   const Cell& here = cell(at.column, at.row);
-  return costs_->density_rule().least_above(
+  const double least = costs_->density_rule().least_above(
       here.visibilities, static_cast<double>(costs_->land_use_layer().at(at)), height_m);
+  return has_threats_ ? least + costs_->threat_density(number_of(here), height_m) : least;
 }
 
-double FlightEnvelope::density(const Cell& at, double height_m) const {
-  const risk::CostDensity& rule = costs_->density_rule();
-  return rule(at.visibilities, static_cast<double>(at.semantics), height_m) +
-         static_cast<double>(at.avoidance);
+double FlightEnvelope::density(const Cell& at, double semantics, double height_m) const {
+  const double sum = costs_->density_rule()(at.visibilities, semantics, height_m) +
+                     static_cast<double>(at.avoidance);
+  return has_threats_ ? sum + costs_->threat_density(number_of(at), height_m) : sum;
 }
 
 bool FlightEnvelope::is_turn_allowed(double first_x_m, double first_y_m, double second_x_m,

@@ -76,8 +76,8 @@ class FlightEnvelope {
   /// the bounds of least_density() do not: they hold without it.
   void avoid(const std::vector<flight::Waypoint>& route, double within_m, double cost);
 
-  /// Eq. (1) along straight legs and what avoid() adds, midpoint rule with steps of at most
-  /// `step_m`. Without avoid() the total of risk::CostModel::route_cost().
+  /// The total of risk::CostModel::route_cost() and what avoid() adds, midpoint rule with steps of
+  /// at most `step_m`.
   [[nodiscard]] double route_cost_m(const std::vector<flight::Waypoint>& route,
                                     double step_m) const;
 
@@ -94,18 +94,19 @@ class FlightEnvelope {
   /// not.
   [[nodiscard]] bool is_climb_allowed(const flight::Waypoint& a, const flight::Waypoint& b) const;
 
-  /// Cost of a straight leg by eq. (1), midpoint rule with steps of at most check_step_m, or
+  /// Cost of a straight leg, midpoint rule with steps of at most check_step_m, wires exactly, or
   /// infinity if a midpoint leaves the band or the climb angle is too steep. About 15 ns a step.
   [[nodiscard]] double leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const;
 
-  /// Cost per metre by eq. (1) at a point [-], or infinity where it leaves the band: the integrand
-  /// of leg_cost_m(), for legs that are not straight.
-  [[nodiscard]] double density_at(const flight::Waypoint& point) const;
+  /// Cost per metre at a point for a flight in the horizontal direction (east, north), a unit
+  /// vector [-], or infinity where it leaves the band: the integrand of leg_cost_m(), for legs that
+  /// are not straight. Wires are left out.
+  [[nodiscard]] double density_at(const flight::Waypoint& point, double east, double north) const;
 
   /// Where a flight along the straight ground track from a to b may arrive.
   struct Arrival {
     AltitudeBand altitudes;  // all that can be had at b; not flyable if none
-    double cost_m = 0.0;     // eq. (1) for the lowest of them all along the track
+    double cost_m = 0.0;     // for the lowest of them all along the track
   };
   struct FollowRules {
     double step_m;              // the band is looked at this densely
@@ -132,12 +133,14 @@ class FlightEnvelope {
   [[nodiscard]] const SlopeLimits& slopes() const { return slopes_; }
 
   /// What a metre costs over a cell as low as its centre may be flown over [-]; infinity where it
-  /// may not. >= 1.
+  /// may not. >= 1. The slope is left out: it depends on the direction.
   [[nodiscard]] double low_density(raster::CellIndex at) const;
 
   /// No metre of any route costs less than this over any place of the cell [-]; infinity where no
   /// place of the cell may be flown over. >= 1. Height enters by the least that the envelope
-  /// admits between the cell and its neighbours, visibility by the least at or above that height.
+  /// admits between the cell and its neighbours, visibility by the least at or above that height,
+  /// soft ceiling and threats by that height, as they do not fall above it; slope and wires do not
+  /// enter, since some direction has no slope and poles cost nothing.
   [[nodiscard]] double least_density(raster::CellIndex at) const;
 
   /// Whether the whole straight leg keeps band and climb limit: between the lines through cell
@@ -196,7 +199,10 @@ class FlightEnvelope {
            static_cast<std::size_t>(column);
   }
   [[nodiscard]] const Cell& cell(int column, int row) const { return cells_[index(column, row)]; }
-  [[nodiscard]] double density(const Cell& at, double height_m) const;
+  [[nodiscard]] std::size_t number_of(const Cell& at) const {
+    return static_cast<std::size_t>(&at - cells_.data());
+  }
+  [[nodiscard]] double density(const Cell& at, double semantics, double height_m) const;
   // The band between ground and ceiling alone.
   [[nodiscard]] Sample sample_ground(double x_m, double y_m) const;
   // The same without what hard areas take.
@@ -215,6 +221,7 @@ class FlightEnvelope {
   std::vector<Cell> cells_;
   std::vector<CellAreas> areas_;  // as cells_; empty without areas
   bool has_avoidance_ = false;
+  bool has_threats_, has_slope_, has_wires_;  // of costs_
   double inverse_cell_1pm_;
   double floor_m_;
   double ceiling_m_;

@@ -379,7 +379,7 @@ Roadmap::Roadmap(const risk::CostModel& costs, const GlobalOptions& options, Obs
 }
 
 Bytes Roadmap::written(const Hash128& key) const {
-  const std::vector<float>& densities = field_->densities();
+  const std::vector<float> densities = field_->densities();
   Header header;
   header.magic = kMagic;
   header.columns = columns_;

@@ -182,6 +182,8 @@ class DubinsFrame final : public Frame {
     double sine = elementary::sin(heading_rad);
     double begin_m = 0.0;
     double sum_m = 0.0;
+    double wires_m = 0.0;
+    geo::MapPoint before = a.point();
     for (int part = 0; part < 3; ++part) {
       const double part_m = curve.parts_m[static_cast<std::size_t>(part)];
       if (!(part_m > 0.0)) {
@@ -193,7 +195,9 @@ class DubinsFrame final : public Frame {
       double densities = 0.0;
       const auto add = [&](double x_m, double y_m, int k) {
         densities += envelope_->density_at(
-            {x_m, y_m, a.altitude_m + slope * (begin_m + (k + 0.5) * step_m)});
+            {x_m, y_m, a.altitude_m + slope * (begin_m + (k + 0.5) * step_m)}, cosine, sine);
+        wires_m += wire_cost_m(before, {x_m, y_m});
+        before = {x_m, y_m};
         return densities < kInfinity;
       };
       if (turn == 0) {
@@ -230,7 +234,8 @@ class DubinsFrame final : public Frame {
       sum_m += densities * step_m;
       begin_m += part_m;
     }
-    return sum_m * std::sqrt(1.0 + slope * slope);
+    wires_m += wire_cost_m(before, waypoint(to).point());
+    return sum_m * std::sqrt(1.0 + slope * slope) + wires_m;
   }
 
   void append(const ob::State* from, const ob::State* to,
@@ -250,6 +255,11 @@ class DubinsFrame final : public Frame {
   }
 
  private:
+  // Between samples, which are near enough to take the way as straight.
+  [[nodiscard]] double wire_cost_m(const geo::MapPoint& a, const geo::MapPoint& b) const {
+    const risk::CostModel& costs = envelope_->costs();
+    return costs.has_wires() ? costs.wire_cost_m(a, b) : 0.0;
+  }
   [[nodiscard]] DubinsPose pose(const ob::State* state) const {
     const Waypoint place = waypoint(state);
     return {place.x_m, place.y_m, heading_math_rad(state)};

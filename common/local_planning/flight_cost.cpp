@@ -11,6 +11,7 @@ double flight_cost_m(const risk::CostModel& costs, const Flight& flight, double 
         state.altitude_m - raster::sample_bilinear(costs.map().surface_m, point);
     return costs.density(point, height_m) + bank_weight_1prad * std::fabs(state.bank_left_rad);
   };
+  const bool is_directed = costs.has_wires() || costs.has_slope();
   double cost_m = 0.0;
   double before = flight.steps.empty() ? 0.0 : integrand(flight.steps.front().state);
   for (std::size_t i = 1; i < flight.steps.size(); ++i) {
@@ -20,6 +21,9 @@ double flight_cost_m(const risk::CostModel& costs, const Flight& flight, double 
     const double dy_m = b.y_m - a.y_m;
     const double after = integrand(b);
     cost_m += 0.5 * (before + after) * std::sqrt(dx_m * dx_m + dy_m * dy_m);
+    if (is_directed) {
+      cost_m += costs.directed_cost_m({a.x_m, a.y_m}, {b.x_m, b.y_m});
+    }
     before = after;
   }
   return cost_m;

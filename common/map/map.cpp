@@ -205,11 +205,16 @@ Hash128 map_hash(const Map& map) {
     update_text(hasher, line);
   }
   update_text(hasher, map.label);
-  // Maps with one height keep the hash that they had before there were more.
+  // What most maps do not have leaves their hash as it was before there was such a thing.
   for (const VisibilityBand& band : map.further_visibility) {
     update_text(hasher, "visibility band");
     update(hasher, band.height_m);
     update_bits(hasher, band.share);
+  }
+  for (const HeightLayer& threat : map.threats) {
+    update_text(hasher, "threat");
+    update_text(hasher, threat.name);
+    update_heights(hasher, threat.height_m);
   }
   return hasher.digest();
 }
@@ -238,6 +243,10 @@ void validate(const Map& map) {
               (i == 0 || band.height_m > map.further_visibility[i - 1].height_m),
           "the further heights of layer visibility are not ascending, or one is the reference "
           "height");
+  }
+  for (const HeightLayer& threat : map.threats) {
+    check(threat.height_m.geometry() == geometry,
+          "the layer of observer '" + threat.name + "' has another geometry than the map");
   }
   for (int row = 0; row < geometry.rows; ++row) {
     for (int column = 0; column < geometry.columns; ++column) {

@@ -121,6 +121,12 @@ struct VisibilityBand {
   raster::Grid<std::uint16_t> share;  // as Map::visibility
 };
 
+/// Heights above the surface over each cell, with a name.
+struct HeightLayer {
+  std::string name;
+  raster::Grid<float> height_m;
+};
+
 /// Everything planners need to know about a region. Layers share one geometry.
 struct Map {
   raster::GridGeometry geometry;
@@ -134,6 +140,9 @@ struct Map {
   // At further heights, ascending, none twice and none at h_ref; empty in most maps.
   std::vector<VisibilityBand> further_visibility;
   double visibility_radius_m = 0.0;
+  // Of named observers: from which height on each sees what flies over a cell [m]; NaN: never, out
+  // of its range or unknown. Empty unless somebody weighs it (planning::read_map_for()).
+  std::vector<HeightLayer> threats;
   std::vector<OverheadLine> overhead_lines;
   std::vector<Obstacle> obstacles;
   std::vector<Area> areas;

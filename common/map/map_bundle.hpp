@@ -20,6 +20,9 @@ inline constexpr char kMapManifestFile[] = "manifest.json";
 void write_map_bundle(const Map& map, const std::string& provenance_json,
                       const std::filesystem::path& folder, const Observer* observer = nullptr);
 
+/// Of a bundle: from which height on each named observer sees something over a cell.
+inline constexpr char kThreatsFile[] = "threats.tif";
+
 /// Writes heights [m, NaN unknown], one named band each, as a GeoTIFF over the map's cells. Throws
 /// as write_map_bundle().
 struct NamedBand {
@@ -30,10 +33,6 @@ void write_height_bands(const Map& map, const std::vector<NamedBand>& bands,
                         const std::filesystem::path& file, const Observer* observer = nullptr);
 
 /// Reads them back: every band of the file, which must lie on the map's cells. Throws DataError.
-struct HeightLayer {
-  std::string name;
-  raster::Grid<float> height_m;
-};
 std::vector<HeightLayer> read_height_bands(const Map& map, const std::filesystem::path& file);
 
 /// Reads a bundle and checks its schema version, layers and hash. Throws DataError.

@@ -1,5 +1,7 @@
 #include "messages/plan_blobs.hpp"
 
+#include <algorithm>
+
 #include "messages/plan_fields.hpp"
 #include "messages/plan_messages.hpp"
 #include "messages/wire.hpp"
@@ -7,6 +9,7 @@
 #include "hedgehop/flight_plan_t.hpp"
 #include "hedgehop/planning_config_t.hpp"
 #include "hedgehop/route_plan_t.hpp"
+#include "hedgehop/route_plan_v2_t.hpp"
 
 namespace hedgehop::messages {
 namespace {
@@ -115,7 +118,9 @@ std::string decode_planning_config(ByteView bytes) {
       .text("config_text", message.config_text, kMaxConfigBytes);
 }
 
-Bytes encode_route_plan(const flight::RoutePlan& plan) {
+namespace {
+
+route_plan_t message_of(const flight::RoutePlan& plan) {
   route_plan_t message{};
   message.version = route_plan_t::VERSION;
   wire::put(message.request_id, plan.request_id);
@@ -159,11 +164,10 @@ Bytes encode_route_plan(const flight::RoutePlan& plan) {
   for (const flight::Waypoint& point : route.guide) {
     message.guide.push_back(waypoint(point));
   }
-  return checked(wire::encoded(message), decode_route_plan);
+  return message;
 }
 
-flight::RoutePlan decode_route_plan(ByteView bytes) {
-  const auto message = wire::decoded<route_plan_t>(bytes, kBlobBytesMax);
+flight::RoutePlan plan_in(const route_plan_t& message) {
   const wire::Check check(route_plan_t::getTypeName());
   flight::RoutePlan plan;
   plan.request_id = wire::hash_in(message.request_id);
@@ -207,6 +211,44 @@ flight::RoutePlan decode_route_plan(ByteView bytes) {
     check.refuse("request_id", plan.request_id.hex(),
                  "be " + id.hex() + ", the identity of its map, request and config");
   }
+  return plan;
+}
+
+}  // namespace
+
+Bytes encode_route_plan(const flight::RoutePlan& plan) {
+  const flight::RouteCost& cost = plan.route.cost;
+  const bool is_beyond =
+      std::any_of(flight::kCostTerms.begin() + flight::kPaperCostTerms, flight::kCostTerms.end(),
+                  [&cost](const flight::CostTerm& term) { return cost.*term.value_m != 0.0; });
+  if (!is_beyond) {
+    return checked(wire::encoded(message_of(plan)), decode_route_plan);
+  }
+  route_plan_v2_t message{};
+  message.version = route_plan_v2_t::VERSION;
+  message.route_plan = message_of(plan);
+  message.cost_soft_ceiling_m = cost.soft_ceiling_m;
+  message.cost_threats_m = cost.threats_m;
+  message.cost_wire_crossings_m = cost.wire_crossings_m;
+  message.cost_slope_m = cost.slope_m;
+  return checked(wire::encoded(message), decode_route_plan);
+}
+
+flight::RoutePlan decode_route_plan(ByteView bytes) {
+  if (!wire::is_of_type<route_plan_v2_t>(bytes)) {
+    return plan_in(wire::decoded<route_plan_t>(bytes, kBlobBytesMax));
+  }
+  const auto message = wire::decoded<route_plan_v2_t>(bytes, kBlobBytesMax);
+  const wire::Check check(route_plan_v2_t::getTypeName());
+  check.within<int>("route_plan.version", message.route_plan.version, route_plan_t::VERSION,
+                    route_plan_t::VERSION);
+  flight::RoutePlan plan = plan_in(message.route_plan);
+  flight::RouteCost& cost = plan.route.cost;
+  cost.soft_ceiling_m = check.not_negative("cost_soft_ceiling_m", message.cost_soft_ceiling_m);
+  cost.threats_m = check.not_negative("cost_threats_m", message.cost_threats_m);
+  cost.wire_crossings_m =
+      check.not_negative("cost_wire_crossings_m", message.cost_wire_crossings_m);
+  cost.slope_m = check.not_negative("cost_slope_m", message.cost_slope_m);
   return plan;
 }
 

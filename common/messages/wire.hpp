@@ -143,6 +143,20 @@ Bytes encoded(const T& message) {
   return bytes;
 }
 
+/// The first eight bytes; there must be as many.
+inline std::int64_t fingerprint_of(ByteView bytes) {
+  std::uint64_t fingerprint = 0;
+  for (std::size_t i = 0; i < 8; ++i) {
+    fingerprint = (fingerprint << 8) | std::to_integer<std::uint64_t>(bytes[i]);
+  }
+  return static_cast<std::int64_t>(fingerprint);
+}
+
+template <typename T>
+bool is_of_type(ByteView bytes) {
+  return bytes.size() >= 8 && fingerprint_of(bytes) == T::getHash();
+}
+
 /// Length, fingerprint, counts and version; what the fields say is for the caller to judge.
 template <typename T>
 T decoded(ByteView bytes, std::size_t bytes_max) {
@@ -151,13 +165,10 @@ T decoded(ByteView bytes, std::size_t bytes_max) {
     check.refuse("has " + std::to_string(bytes.size()) + " bytes, must have 8 to " +
                  std::to_string(bytes_max));
   }
-  std::uint64_t fingerprint = 0;
-  for (std::size_t i = 0; i < 8; ++i) {
-    fingerprint = (fingerprint << 8) | std::to_integer<std::uint64_t>(bytes[i]);
-  }
-  if (static_cast<std::int64_t>(fingerprint) != T::getHash()) {
+  const std::int64_t fingerprint = fingerprint_of(bytes);
+  if (fingerprint != T::getHash()) {
     std::ostringstream what;
-    what << "fingerprint is " << std::hex << fingerprint << ", must be "
+    what << "fingerprint is " << std::hex << static_cast<std::uint64_t>(fingerprint) << ", must be "
          << static_cast<std::uint64_t>(T::getHash()) << ": another type or another program version";
     check.refuse(what.str());
   }

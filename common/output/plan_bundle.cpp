@@ -15,6 +15,7 @@
 #include "geo/map_projection.hpp"
 #include "output/json_document.hpp"
 #include "output/rounding.hpp"
+#include "output/route_cost_json.hpp"
 #include "output/trajectory_columns.hpp"
 
 namespace hedgehop::output {
@@ -138,12 +139,7 @@ Json json_of(const flight::RoutePlan& plan) {
   const bool has_bound = route.lower_bound_m > 0.0 && total_m > 0.0;
   return {{"start", json_of(plan.start)},
           {"goal", json_of(plan.goal)},
-          {"cost",
-           {{"total_m", total_m},
-            {"length_m", route.cost.length_m},
-            {"visibility_m", route.cost.visibility_m},
-            {"semantics_m", route.cost.semantics_m},
-            {"height_m", route.cost.height_m}}},
+          {"cost", cost_json(route.cost)},
           {"lower_bound_m", has_bound ? Json(route.lower_bound_m) : Json()},
           {"gap", has_bound ? Json((total_m - route.lower_bound_m) / total_m) : Json()},
           {"work_units", route.work_units},
@@ -339,10 +335,13 @@ geo::MapPoint place_of(const Field& field) {
 flight::Route route_of(const Field& field) {
   flight::Route route;
   const Field cost = field.at("cost");
-  route.cost.length_m = cost.at("length_m").number_or_nan();
-  route.cost.visibility_m = cost.at("visibility_m").number_or_nan();
-  route.cost.semantics_m = cost.at("semantics_m").number_or_nan();
-  route.cost.height_m = cost.at("height_m").number_or_nan();
+  for (std::size_t i = 0; i < flight::kCostTerms.size(); ++i) {
+    const flight::CostTerm& term = flight::kCostTerms[i];
+    // Plans of earlier versions have the terms of eq. (1) alone.
+    if (i < flight::kPaperCostTerms || cost.has(term.name)) {
+      route.cost.*term.value_m = cost.at(term.name).number_or_nan();
+    }
+  }
   const Field bound = field.at("lower_bound_m");
   route.lower_bound_m = bound.is_null() ? 0.0 : bound.number();
   // Figures that follow from others stand there for people; they must not say anything else.

@@ -337,26 +337,35 @@ std::string cost_chart(const ReportContent& content) {
   if (places.empty()) {
     return "<p>The flight has no length.</p>\n";
   }
-  constexpr std::size_t kTerms = 4;
   struct Term {
     double flight::RouteCost::*member;
     const char* name;
     const char* color;
   };
-  static constexpr std::array<Term, kTerms> kStack = {
-      {{&flight::RouteCost::length_m, "length", "#cfd6dd"},
-       {&flight::RouteCost::visibility_m, "visibility", "#e75263"},
-       {&flight::RouteCost::semantics_m, "land use and areas", "#e0a13a"},
-       {&flight::RouteCost::height_m, "height", "#6aa5dd"}}};
+  std::vector<Term> stack = {{&flight::RouteCost::length_m, "length", "#cfd6dd"},
+                             {&flight::RouteCost::visibility_m, "visibility", "#e75263"},
+                             {&flight::RouteCost::semantics_m, "land use and areas", "#e0a13a"},
+                             {&flight::RouteCost::height_m, "height", "#6aa5dd"}};
+  static constexpr std::array<const char*, flight::kCostTerms.size() - flight::kPaperCostTerms>
+      kBeyondColors = {"#9a7bd0", "#b3263a", "#4d4d4d", "#5f9e6e"};
+  for (std::size_t i = 0; i < kBeyondColors.size(); ++i) {
+    const flight::CostTerm& term = flight::kCostTerms[flight::kPaperCostTerms + i];
+    if (std::any_of(places.begin(), places.end(), [&](const briefing::CostPlace& place) {
+          return place.here.*term.value_m > 0.0;
+        })) {
+      stack.push_back({term.value_m, term.words, kBeyondColors[i]});
+    }
+  }
+  const std::size_t terms = stack.size();
   std::vector<double> along_m;
-  std::array<std::vector<double>, kTerms + 1> tops;
+  std::vector<std::vector<double>> tops(terms + 1);
   std::vector<double> beside;
   for (const briefing::CostPlace& place : places) {
     along_m.push_back(place.along_m);
     double sum = 0.0;
     tops[0].push_back(0.0);
-    for (std::size_t k = 0; k < kTerms; ++k) {
-      sum += place.here.*kStack[k].member;
+    for (std::size_t k = 0; k < terms; ++k) {
+      sum += place.here.*stack[k].member;
       tops[k + 1].push_back(sum);
     }
     const double left = place.left.total_m();
@@ -369,7 +378,7 @@ std::string cost_chart(const ReportContent& content) {
   std::vector<double> known;
   std::copy_if(beside.begin(), beside.end(), std::back_inserter(known),
                [](double value) { return std::isfinite(value); });
-  double high = greatest(tops[kTerms], 2.0);
+  double high = greatest(tops[terms], 2.0);
   if (!known.empty()) {
     const auto ninth = known.begin() + static_cast<std::ptrdiff_t>(known.size() * 9 / 10);
     std::nth_element(known.begin(), ninth, known.end());
@@ -379,9 +388,9 @@ std::string cost_chart(const ReportContent& content) {
   const double length_m = along_m.back() + 0.5 * content.costs.step_m;
   Chart chart(length_m, 0.0, high);
   std::string keys;
-  for (std::size_t k = 0; k < kTerms; ++k) {
-    chart.band(along_m, tops[k], tops[k + 1], kStack[k].color);
-    keys += key_box(kStack[k].color, kStack[k].name);
+  for (std::size_t k = 0; k < terms; ++k) {
+    chart.band(along_m, tops[k], tops[k + 1], stack[k].color);
+    keys += key_box(stack[k].color, stack[k].name);
   }
   chart.line(along_m, beside, "#4a3b8f", 1.4, "5 3");
   keys +=

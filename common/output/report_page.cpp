@@ -349,34 +349,66 @@ class Page {
     if (!std::isfinite(total)) {
       return "outside";
     }
-    const std::array<std::pair<double, std::pair<const char*, const char*>>, 3> terms = {
-        {{side.visibility_m - here.visibility_m, {"seen more", "seen less"}},
-         {side.semantics_m - here.semantics_m, {"land use", "land use"}},
-         {side.height_m - here.height_m, {"height", "height"}}}};
-    const auto greatest = std::max_element(
-        terms.begin(), terms.end(),
-        [](const auto& a, const auto& b) { return std::fabs(a.first) < std::fabs(b.first); });
+    const auto more = [&](const flight::CostTerm& term) {
+      return side.*term.value_m - here.*term.value_m;
+    };
+    const auto& greatest = *std::max_element(
+        flight::kCostTerms.begin() + 1, flight::kCostTerms.end(),
+        [&](const auto& a, const auto& b) { return std::fabs(more(a)) < std::fabs(more(b)); });
     std::string text = (total >= 0.0 ? "+" : "") + fixed_text(total, 2);
-    if (std::fabs(greatest->first) >= 0.05) {
+    if (std::fabs(more(greatest)) >= 0.05) {
+      const bool is_seen = greatest.value_m == &RouteCost::visibility_m;
       text += std::string(" (") +
-              (greatest->first > 0.0 ? greatest->second.first : greatest->second.second) + ")";
+              (!is_seen               ? greatest.words
+               : more(greatest) > 0.0 ? "seen more"
+                                      : "seen less") +
+              ")";
     }
     return text;
+  }
+
+  /// Terms that the route or the flight has; those of eq. (1) always.
+  [[nodiscard]] std::vector<flight::CostTerm> shown_terms() const {
+    std::vector<flight::CostTerm> shown;
+    const RouteCost flown = c_.costs.total();
+    for (std::size_t i = 0; i < flight::kCostTerms.size(); ++i) {
+      const flight::CostTerm& term = flight::kCostTerms[i];
+      if (i < flight::kPaperCostTerms || flown.*term.value_m > 0.0 ||
+          plan_.route_plan.route.cost.*term.value_m > 0.0) {
+        shown.push_back(term);
+      }
+    }
+    return shown;
+  }
+
+  static std::vector<std::string> texts_of(const std::vector<flight::CostTerm>& terms,
+                                           const RouteCost& cost, int decimals) {
+    std::vector<std::string> texts = {fixed_text(cost.total_m(), decimals)};
+    for (const flight::CostTerm& term : terms) {
+      texts.push_back(fixed_text(cost.*term.value_m, decimals));
+    }
+    return texts;
   }
 
   [[nodiscard]] std::string why() const {
     std::string html = "<section id=\"why\"><h2>Why here</h2>\n";
     html += paragraph(
-        "A metre of path costs 1, and more where it is seen, over land use to be avoided and away "
-        "from the reference height. The line shows what a metre costs " +
+        "A metre of path costs 1, and more where it is seen, over land use to be avoided, away "
+        "from the reference height and for what else the configuration weighs. The line shows what "
+        "a metre costs " +
         fixed_text(c_.beside_m, 0) +
         " m to the left and right at the same height: where it lies above the stack, the flight "
         "avoids something.");
     html += cost_chart(c_);
     Table table("why-table", "Mean cost of a metre on each leg, and how it differs beside it.");
     const std::string beside = fixed_text(c_.beside_m, 0) + " m ";
-    table.head({"leg", "here", "length", "visibility", "land use", "height", "<" + beside + "left",
-                "<" + beside + "right"});
+    const std::vector<flight::CostTerm> terms = shown_terms();
+    std::vector<std::string> head = {"leg", "here"};
+    for (const flight::CostTerm& term : terms) {
+      head.emplace_back(term.words);
+    }
+    head.insert(head.end(), {"<" + beside + "left", "<" + beside + "right"});
+    table.head(head);
     for (std::size_t i = 0; i < c_.legs.size(); ++i) {
       const briefing::FlightLeg& leg = c_.legs[i];
       const double from_m = leg.start_along_m;
@@ -386,11 +418,11 @@ class Page {
         return briefing::mean_cost(c_.costs, from_m, to_m, side);
       };
       const RouteCost here = mean(&briefing::CostPlace::here);
-      table.row({std::to_string(i + 1), fixed_text(here.total_m(), 2), fixed_text(here.length_m, 2),
-                 fixed_text(here.visibility_m, 2), fixed_text(here.semantics_m, 2),
-                 fixed_text(here.height_m, 2), difference(mean(&briefing::CostPlace::left), here),
-                 difference(mean(&briefing::CostPlace::right), here)},
-                jump(leg.start_time_s, leg.start_time_s + leg.duration_s));
+      std::vector<std::string> row = texts_of(terms, here, 2);
+      row.insert(row.begin(), std::to_string(i + 1));
+      row.insert(row.end(), {difference(mean(&briefing::CostPlace::left), here),
+                             difference(mean(&briefing::CostPlace::right), here)});
+      table.row(row, jump(leg.start_time_s, leg.start_time_s + leg.duration_s));
     }
     html += table.finished();
     Table sums("cost-table",
@@ -398,11 +430,15 @@ class Page {
                    fixed_text(c_.straight_height_m, 1) +
                    " m above the surface all the way, is there to compare with: no helicopter "
                    "could fly it.");
-    sums.head({"<path", "total", "length", "visibility", "land use", "height"});
+    head.assign({"<path", "total"});
+    for (const flight::CostTerm& term : terms) {
+      head.emplace_back(term.words);
+    }
+    sums.head(head);
     const auto sum = [&](const std::string& name, const RouteCost& cost) {
-      sums.row({name, fixed_text(cost.total_m(), 0), fixed_text(cost.length_m, 0),
-                fixed_text(cost.visibility_m, 0), fixed_text(cost.semantics_m, 0),
-                fixed_text(cost.height_m, 0)});
+      std::vector<std::string> row = texts_of(terms, cost, 0);
+      row.insert(row.begin(), name);
+      sums.row(row);
     };
     sum("planned route", plan_.route_plan.route.cost);
     sum("flown trajectory", c_.costs.total());

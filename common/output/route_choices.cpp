@@ -10,6 +10,7 @@
 #include "geo/map_projection.hpp"
 #include "output/json_document.hpp"
 #include "output/rounding.hpp"
+#include "output/route_cost_json.hpp"
 
 namespace hedgehop::output {
 namespace {
@@ -71,12 +72,7 @@ std::string route_choices_json(const flight::RouteChoices& choices,
         {"weights",
          {{"visibility", choice.visibility_weight}, {"semantics", choice.semantics_weight}}},
         {"avoidance", choice.avoidance},
-        {"cost",
-         {{"total_m", total_m},
-          {"length_m", route.cost.length_m},
-          {"visibility_m", route.cost.visibility_m},
-          {"semantics_m", route.cost.semantics_m},
-          {"height_m", route.cost.height_m}}},
+        {"cost", cost_json(route.cost)},
         {"lower_bound_m", has_bound ? Json(route.lower_bound_m) : Json()},
         {"gap", has_bound ? Json((total_m - route.lower_bound_m) / total_m) : Json()}};
     Json shared = Json::object();

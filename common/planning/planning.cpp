@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/angles.hpp"
+#include "planning/map_for_plan.hpp"
 #include "planning/roadmap_store.hpp"
 #include "planning/route_flight.hpp"
 #include "planning/route_parts.hpp"
@@ -51,6 +52,7 @@ std::optional<NoPlan> no_power_at(const flight::Waypoint& place, double speed_mp
 }  // namespace
 
 risk::CostModel cost_model(const map::Map& map, const PlanningConfig& config) {
+  require_threats(map, config);
   return {map,
           config.weights,
           config.semantics,

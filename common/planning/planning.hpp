@@ -57,7 +57,8 @@ PlanningConfig read_recorded_config(const std::string& text, const std::string& 
 std::string effective_planning_config(const std::string& config_file,
                                       const std::vector<std::string>& settings);
 
-/// What flying over the map costs with this config. Keeps a pointer to the map.
+/// What flying over the map costs with this config. Keeps a pointer to the map. Throws UsageError
+/// if the config weighs named observers and the map knows none, see read_map_for().
 risk::CostModel cost_model(const map::Map& map, const PlanningConfig& config);
 
 /// Section `global` for flights at this speed: with the power curve, if the conditions ask for it,

@@ -452,6 +452,9 @@ map::Map map_part(const map::Map& map, const raster::Window& window) {
     part.further_visibility.push_back({band.height_m, cut(band.share)});
   }
   part.visibility_radius_m = map.visibility_radius_m;
+  for (const map::HeightLayer& threat : map.threats) {
+    part.threats.push_back({threat.name, cut(threat.height_m)});
+  }
   part.label = map.label;
   // Whatever has a corner box that meets the part's.
   struct Box {

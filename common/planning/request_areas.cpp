@@ -1,7 +1,11 @@
 #include "planning/request_areas.hpp"
 
+#include <cstdlib>
+
+#include "base/config_entries.hpp"
 #include "base/errors.hpp"
 #include "map/map_bundle.hpp"
+#include "planning/map_for_plan.hpp"
 
 namespace hedgehop::planning {
 namespace {
@@ -36,6 +40,18 @@ To area_elsewhere(const From& area, const Place& place) {
     }
   }
   return result;
+}
+
+bool weighs_threats(const flight::Plan& plan) {
+  try {
+    for (const ConfigEntry& entry : config_entries(plan.route_plan.config_text, "config")) {
+      if (entry.key == "weights.threats") {
+        return std::strtod(entry.value.c_str(), nullptr) > 0.0;
+      }
+    }
+  } catch (const ConfigError&) {  // is told where the config is needed
+  }
+  return false;
 }
 
 }  // namespace
@@ -73,7 +89,11 @@ map::Map map_of_plan(map::Map map, const flight::Plan& plan, const std::string& 
 
 map::Map read_map_of_plan(const std::filesystem::path& bundle, const flight::Plan& plan,
                           const std::string& plan_name) {
-  return map_of_plan(map::read_map_bundle(bundle), plan, plan_name, bundle.string());
+  map::Map map = map::read_map_bundle(bundle);
+  if (weighs_threats(plan)) {
+    map = with_threats(std::move(map), bundle);
+  }
+  return map_of_plan(std::move(map), plan, plan_name, bundle.string());
 }
 
 std::vector<flight::RequestArea> request_areas_of(const std::vector<map::Area>& areas,

@@ -13,7 +13,8 @@ namespace hedgehop::planning {
 /// @throws DataError  a corner has no place on the map.
 map::Map map_with_areas(map::Map map, const std::vector<flight::RequestArea>& areas);
 
-/// The map that a plan was made on: a bundle, with the areas of the plan's request.
+/// The map that a plan was made on: a bundle, with the areas of the plan's request and, if its
+/// config weighs them, the layers of named observers.
 ///
 /// @param plan_name  what errors call the plan.
 /// @throws UsageError  it is another map.

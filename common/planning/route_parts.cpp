@@ -160,10 +160,7 @@ void append_leg(flight::Route& route, const flight::Route& leg) {
   append(route.waypoints, leg.waypoints);
   append(route.guide, leg.guide);
   route.guide_spacing_m = leg.guide_spacing_m;
-  route.cost.length_m += leg.cost.length_m;
-  route.cost.visibility_m += leg.cost.visibility_m;
-  route.cost.semantics_m += leg.cost.semantics_m;
-  route.cost.height_m += leg.cost.height_m;
+  flight::add(route.cost, leg.cost);
   route.lower_bound_m += leg.lower_bound_m;
   route.work_units += leg.work_units;
   route.samples += leg.samples;

@@ -104,6 +104,11 @@ void add_obstacle(const map::Patch& patch, const raster::Grid<float>& ground_m, 
       for (raster::Grid<std::uint16_t>* layer : layers) {
         make_seen(*layer, cell);
       }
+      for (map::HeightLayer& threat : map.threats) {  // at the altitude that it was
+        float& lowest_m = threat.height_m.at(cell);
+        lowest_m -= map.surface_m.at(cell) - surface_m;
+        lowest_m = lowest_m < 0.0F ? 0.0F : lowest_m;
+      }
     }
   }
   map.obstacles.push_back(std::move(obstacle));
@@ -128,6 +133,9 @@ void add_threat(const map::Patch& patch, const raster::Grid<float>& opaque,
   const raster::Grid<float> lowest_m = lowest_seen_height(
       VisibilityGround{.opaque_m = opaque, .surface_m = map.surface_m}, map.terrain_m, patch.centre,
       height_m(map.terrain_m, patch), patch.radius_m, options.drop_1pm, options.threads, observer);
+  if (!map.threats.empty()) {
+    map.threats.push_back({patch.label, lowest_m});
+  }
   const auto layers = visibility_layers(map);
   for (std::size_t layer = 0; layer < layers.size(); ++layer) {
     const double at_m =

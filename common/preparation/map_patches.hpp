@@ -29,7 +29,7 @@ std::string reason_against(const map::Map& base, const map::Patch& patch);
 /// - An observer makes all cells seen over which it sees an aircraft: at the reference height, and
 ///   in each further band at its height, where lowest_seen_height() is not greater. Wires and
 ///   obstacles hide nothing; where they stand the ground does, since the map keeps no trees below
-///   them.
+///   them. It joins Map::threats where these were read: a map without them stays one.
 /// - An area joins Map::areas, of the kind "no_fly" (hard) or "avoid" (soft).
 ///
 /// Areas, and obstacles on open ground, so come out as if the map had been prepared with them, but

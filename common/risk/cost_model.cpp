@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "base/errors.hpp"
+#include "risk/ground_slope.hpp"
 #include "risk/small_patches.hpp"
 
 namespace hedgehop::risk {
@@ -44,6 +45,11 @@ const raster::Grid<std::uint16_t>& band_at(const map::Map& map, double height_m)
     }
   }
   return map.visibility;
+}
+
+std::size_t number_of(const raster::GridGeometry& geometry, raster::CellIndex cell) {
+  return static_cast<std::size_t>(cell.row) * static_cast<std::size_t>(geometry.columns) +
+         static_cast<std::size_t>(cell.column);
 }
 
 // NaN outside the raster.
@@ -102,13 +108,22 @@ CostWeights read_weights(ConfigReader& reader) {
   read("visibility_per_height_1pm", weights.visibility_per_height_1pm);
   read("semantics", weights.semantics);
   read("height_1pm", weights.height_1pm);
+  read("soft_ceiling_m", weights.soft_ceiling_m);
+  read("soft_ceiling_1pm", weights.soft_ceiling_1pm);
+  read("threats", weights.threats);
+  read("wire_crossing_m", weights.wire_crossing_m);
+  read("slope_along", weights.slope_along);
   reader.finish();
   return weights;
 }
 
 CostDensity::CostDensity(const CostWeights& weights, double reference_height_m,
                          std::vector<double> heights_m)
-    : weights_(weights), reference_height_m_(reference_height_m), heights_m_(std::move(heights_m)) {
+    : weights_(weights),
+      reference_height_m_(reference_height_m),
+      soft_ceiling_m_(weights.soft_ceiling_1pm > 0.0 ? weights.soft_ceiling_m
+                                                     : std::numeric_limits<double>::infinity()),
+      heights_m_(std::move(heights_m)) {
   if (heights_m_.empty() || std::adjacent_find(heights_m_.begin(), heights_m_.end(),
                                                std::greater_equal<>()) != heights_m_.end()) {
     throw std::invalid_argument("the heights of a cost density must be ascending");
@@ -148,6 +163,15 @@ CostModel::CostModel(const map::Map& map, const CostWeights& weights,
     visibility_.values()[i] = static_cast<float>(
         density_.seen(visibilities_.data() + i * bands.size(), density_.reference_height_m()));
     land_use_.values()[i] = static_cast<float>(semantics.cost(map.semantics.values()[i]));
+  }
+  if (weights.threats > 0.0) {
+    threats_ = NamedThreats(map);
+  }
+  if (weights.wire_crossing_m > 0.0) {
+    wires_ = WireCrossings(map.overhead_lines);
+  }
+  if (weights.slope_along > 0.0) {
+    slopes_ = ground_slopes(map.terrain_m);
   }
   semantics_ = land_use_;
   for (int row = 0; row < map.geometry.rows && !areas_.is_empty(); ++row) {
@@ -208,6 +232,9 @@ raster::Window CostModel::visibility_changed(const raster::Window& changed) {
       }
     }
   }
+  if (!threats_.is_empty()) {
+    threats_.update(*map_, inner);
+  }
   for (int row = inner.row; row < inner.row + inner.rows; ++row) {
     for (int column = inner.column; column < inner.column + inner.columns; ++column) {
       visibility_.at(column, row) = static_cast<float>(
@@ -243,7 +270,25 @@ double CostModel::density(const geo::MapPoint& point, double height_m) const {
   }
   const double altitude_m =
       areas_.is_empty() ? 0.0 : raster::sample_bilinear(map_->surface_m, point) + height_m;
-  return density_(visibilities(geometry.cell_at(point)), semantics(point, altitude_m), height_m);
+  const raster::CellIndex cell = geometry.cell_at(point);
+  const double density = density_(visibilities(cell), semantics(point, altitude_m), height_m);
+  return has_threats() ? density + threat_density(number_of(geometry, cell), height_m) : density;
+}
+
+double CostModel::directed_cost_m(const geo::MapPoint& a, const geo::MapPoint& b) const {
+  double cost_m = has_wires() ? wire_cost_m(a, b) : 0.0;
+  const double dx_m = b.x_m - a.x_m;
+  const double dy_m = b.y_m - a.y_m;
+  const double length_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+  if (has_slope() && length_m > 0.0) {
+    const raster::GridGeometry& geometry = visibility_.geometry();
+    const geo::MapPoint middle{0.5 * (a.x_m + b.x_m), 0.5 * (a.y_m + b.y_m)};
+    cost_m += geometry.contains(middle)
+                  ? length_m * slope_density(number_of(geometry, geometry.cell_at(middle)),
+                                             dx_m / length_m, dy_m / length_m)
+                  : std::numeric_limits<double>::quiet_NaN();
+  }
+  return cost_m;
 }
 
 flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& waypoints,
@@ -261,6 +306,10 @@ flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& way
     const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
     const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / step_m)));
     const double ds_m = leg_m / steps;
+    const double track_m = has_slope() ? std::sqrt(dx_m * dx_m + dy_m * dy_m) : 0.0;
+    if (has_wires()) {
+      cost.wire_crossings_m += wire_cost_m(a.point(), b.point());
+    }
     for (int k = 0; k < steps; ++k) {
       const double t = (k + 0.5) / steps;
       const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
@@ -272,6 +321,21 @@ flight::RouteCost CostModel::route_cost(const std::vector<flight::Waypoint>& way
       cost.visibility_m += weights_.visibility * seen * seen * ds_m;
       cost.semantics_m += weights_.semantics * semantics(point, a.altitude_m + t * dz_m) * ds_m;
       cost.height_m += weights_.height_1pm * std::fabs(above_m) * ds_m;
+      cost.soft_ceiling_m += density_.above_soft_ceiling(height_m) * ds_m;
+      if (has_threats() || track_m > 0.0) {
+        const raster::GridGeometry& geometry = visibility_.geometry();
+        const bool is_inside = geometry.contains(point);
+        const std::size_t cell =
+            is_inside ? number_of(geometry, geometry.cell_at(point)) : std::size_t{0};
+        constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+        if (has_threats()) {
+          cost.threats_m += is_inside ? threat_density(cell, height_m) * ds_m : kNaN;
+        }
+        if (track_m > 0.0) {
+          cost.slope_m +=
+              is_inside ? slope_density(cell, dx_m / track_m, dy_m / track_m) * ds_m : kNaN;
+        }
+      }
     }
   }
   return cost;

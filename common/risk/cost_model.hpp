@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,15 +14,25 @@
 #include "map/map.hpp"
 #include "raster/window.hpp"
 #include "risk/area_index.hpp"
+#include "risk/named_threats.hpp"
+#include "risk/wire_crossings.hpp"
 
 namespace hedgehop::risk {
 
-/// Weights of eq. (1) of the paper.
+/// Weights of eq. (1) of the paper, and of what may cost beyond it.
 struct CostWeights {
   double visibility = 0.0;                 // c_vis [-]
   double visibility_per_height_1pm = 0.0;  // c_vis,h [1/m]
   double semantics = 0.0;                  // c_sem [-]
   double height_1pm = 0.0;                 // c_height [1/m]
+  // Beyond eq. (1): 0 is none, and nothing is worked out for it.
+  double soft_ceiling_m = 0.0;    // height above the surface
+  double soft_ceiling_1pm = 0.0;  // of a metre of path, for each metre above it
+  double threats = 0.0;           // of a metre that a named observer sees, for each of them [-]
+  double wire_crossing_m = 0.0;   // of a crossing in the middle of a span
+  double slope_along = 0.0;       // of a metre, by the square of the hillside's slope along it [-]
+
+  bool operator==(const CostWeights&) const = default;
 };
 
 /// Maps a combination of semantic bits to one cost: the first rule whose bits are all set wins.
@@ -45,9 +57,10 @@ class SemanticCostTable {
 
 CostWeights read_weights(ConfigReader& reader);
 
-/// The integrand of eq. (1) without the map: what a kernel needs beside the layers of a cell.
+/// The integrand of eq. (1) without the map: what a kernel needs beside the layers of a cell, and
+/// the soft ceiling.
 ///
-///     1 + c_vis seen^2 + c_sem semantics + c_height |h - h_ref|
+///     1 + c_vis seen^2 + c_sem semantics + c_height |h - h_ref| + c_soft max(h - h_soft, 0)
 ///
 /// seen is the visibility at the height h. With one height it is the paper's
 /// (1 + c_vis,h max(h - h_ref, 0)) times the visibility at h_ref. With an exposure volume it is
@@ -97,19 +110,27 @@ class CostDensity {
                                    double height_m) const {
     const double here = least_seen_above(visibility, height_m);
     return 1.0 + weights_.visibility * here * here + weights_.semantics * semantics +
-           weights_.height_1pm * std::fmax(height_m - reference_height_m_, 0.0);
+           weights_.height_1pm * std::fmax(height_m - reference_height_m_, 0.0) +
+           above_soft_ceiling(height_m);
   }
   /// >= 1.
   [[nodiscard]] double operator()(const float* visibility, double semantics,
                                   double height_m) const {
     const double here = seen(visibility, height_m);
-    return 1.0 + weights_.visibility * here * here + weights_.semantics * semantics +
-           weights_.height_1pm * std::fabs(height_m - reference_height_m_);
+    const double sum = 1.0 + weights_.visibility * here * here + weights_.semantics * semantics +
+                       weights_.height_1pm * std::fabs(height_m - reference_height_m_);
+    return height_m > soft_ceiling_m_ ? sum + above_soft_ceiling(height_m) : sum;
+  }
+  /// The last term of it.
+  [[nodiscard]] double above_soft_ceiling(double height_m) const {
+    return height_m > soft_ceiling_m_ ? weights_.soft_ceiling_1pm * (height_m - soft_ceiling_m_)
+                                      : 0.0;
   }
 
  private:
   CostWeights weights_;
   double reference_height_m_;
+  double soft_ceiling_m_;  // infinity if nothing is charged above it
   std::vector<double> heights_m_;
 };
 
@@ -134,8 +155,8 @@ class CostModel {
   /// The same map with other weights of visibility and land use; layers are copied, not computed.
   [[nodiscard]] CostModel reweighted(double visibility, double semantics) const;
 
-  /// Takes in what the visibility of the map has become inside `changed`: the same then as a model
-  /// made anew. O(cells of `changed`).
+  /// Takes in what the visibility and the threats of the map have become inside `changed`: the same
+  /// then as a model made anew. O(cells of `changed`).
   /// @return  the cells whose values may have changed: more, as small patches reach beyond.
   raster::Window visibility_changed(const raster::Window& changed);
 
@@ -149,6 +170,47 @@ class CostModel {
             static_cast<std::size_t>(cell.column)) *
                density_.heights_m().size();
   }
+
+  // What costs beyond eq. (1) and is not in density_rule(). Cells by their number, row by row from
+  // the south.
+
+  [[nodiscard]] bool has_threats() const { return !threats_.is_empty(); }
+  /// Cost of a metre for the named observers who see it: `threats` for each [-]. Does not fall with
+  /// height.
+  [[nodiscard]] double threat_density(std::size_t cell, double height_m) const {
+    return weights_.threats * threats_.count_seeing(cell, height_m);
+  }
+  [[nodiscard]] bool has_slope() const { return !slopes_.empty(); }
+  /// Cost of a metre flown in the horizontal direction (east, north), a unit vector u, for going up
+  /// or down the hillside rather than across [-]:
+  ///
+  ///     c_slope (g . u)^2,   g from ground_slopes()
+  ///
+  /// The square makes it cheaper to climb a hill obliquely: straight up costs its whole slope, at
+  /// an angle a from that the way is 1 / cos a longer and its slope cos a times as steep. Where
+  /// nothing else counts, the cheapest way up is nowhere steeper than 1 / sqrt(c_slope) along the
+  /// track.
+  [[nodiscard]] double slope_density(std::size_t cell, double east, double north) const {
+    const double along = static_cast<double>(slopes_[cell][0]) * east +
+                         static_cast<double>(slopes_[cell][1]) * north;
+    return weights_.slope_along * along * along;
+  }
+  /// slope_density() by direction: {xx, xy, yy} of xx u_east^2 + xy u_east u_north + yy u_north^2.
+  [[nodiscard]] std::array<double, 3> slope_form(std::size_t cell) const {
+    const auto east = static_cast<double>(slopes_[cell][0]);
+    const auto north = static_cast<double>(slopes_[cell][1]);
+    return {weights_.slope_along * east * east, 2.0 * weights_.slope_along * east * north,
+            weights_.slope_along * north * north};
+  }
+  [[nodiscard]] bool has_wires() const { return !wires_.is_empty(); }
+  /// Cost of the wires that a straight track crosses [m]: wire_crossing_m times
+  /// WireCrossings::weight().
+  [[nodiscard]] double wire_cost_m(const geo::MapPoint& a, const geo::MapPoint& b) const {
+    return weights_.wire_crossing_m * wires_.weight(a, b);
+  }
+  /// Cost of slope and wires along a short straight piece of track [m], the slope that of its
+  /// middle; NaN outside the map.
+  [[nodiscard]] double directed_cost_m(const geo::MapPoint& a, const geo::MapPoint& b) const;
   [[nodiscard]] double reference_height_m() const { return density_.reference_height_m(); }
 
   /// Visibility at a height above the surface, NaN outside the map; see CostDensity::seen().
@@ -166,10 +228,11 @@ class CostModel {
   /// The areas of the map: soft ones are part of semantics(); hard ones are for planners to avoid.
   [[nodiscard]] const AreaIndex& areas() const { return areas_; }
 
-  /// Integrand of eq. (1) [-]: cost per metre of path at a height above the surface. >= 1.
+  /// Integrand of eq. (1) [-]: cost per metre of path at a height above the surface, with soft
+  /// ceiling and threats; slope and wires, which depend on the direction, are left out. >= 1.
   [[nodiscard]] double density(const geo::MapPoint& point, double height_m) const;
 
-  /// The four terms of eq. (1) along straight legs, midpoint rule with steps of at most `step_m`.
+  /// All terms along straight legs, midpoint rule with steps of at most `step_m`; wires exactly.
   /// Throws std::invalid_argument for a step that is not positive.
   [[nodiscard]] flight::RouteCost route_cost(const std::vector<flight::Waypoint>& waypoints,
                                              double step_m) const;
@@ -198,6 +261,10 @@ class CostModel {
   raster::Grid<float> semantics_;  // the same with soft areas
   double soft_area_;
   AreaIndex areas_;
+  // Empty without a weight
+  NamedThreats threats_;
+  WireCrossings wires_;
+  std::vector<std::array<float, 2>> slopes_;
 };
 
 }  // namespace hedgehop::risk

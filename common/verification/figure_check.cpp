@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kPiece_m = 0.5;
+constexpr double kSlopeReach_m = 60.0;
 constexpr double kStepOfPlanners_m = 1.0;
 constexpr double kCostDeviations = 8.0;
 constexpr double kCostShare = 1e-4;
@@ -89,6 +90,16 @@ CostRules read_cost_rules(const std::string& config_text, const std::string& nam
   rules.visibility_per_height_1pm = weights.required_double("visibility_per_height_1pm");
   rules.semantics = weights.required_double("semantics");
   rules.height_1pm = weights.required_double("height_1pm");
+  const auto read_if_there = [&weights](const char* key, double& value) {
+    if (weights.has(key)) {
+      value = weights.required_double(key);
+    }
+  };
+  read_if_there("soft_ceiling_m", rules.soft_ceiling_m);
+  read_if_there("soft_ceiling_1pm", rules.soft_ceiling_1pm);
+  read_if_there("threats", rules.threats);
+  read_if_there("wire_crossing_m", rules.wire_crossing_m);
+  read_if_there("slope_along", rules.slope_along);
   ConfigReader semantics = reader.required_section("semantics");
   for (ConfigReader& entry : semantics.required_sections("rules")) {
     rules.rules.push_back(
@@ -210,6 +221,79 @@ double PathSums::semantics(const geo::MapPoint& point, double altitude_m) const 
   return cost;
 }
 
+double PathSums::threats(raster::CellIndex cell, double height_m) const {
+  return static_cast<double>(
+      std::count_if(map_.threats.begin(), map_.threats.end(), [&](const map::HeightLayer& threat) {
+        return static_cast<double>(threat.height_m.at(cell)) <= height_m;  // not for NaN
+      }));
+}
+
+double PathSums::square_of_slope(raster::CellIndex cell, double east, double north) {
+  if (!(cell == slope_cell_)) {
+    slope_cell_ = cell;
+    // Normal equations of the plane a + b x + c y through the cells around, solved by Cramer's
+    // rule.
+    const raster::GridGeometry& g = map_.geometry;
+    const long reach = std::max(1L, std::lround(std::floor(kSlopeReach_m / g.cell_m + 0.5)));
+    std::array<std::array<double, 3>, 3> m{};
+    std::array<double, 3> right{};
+    for (long row = cell.row - reach; row <= cell.row + reach; ++row) {
+      for (long column = cell.column - reach; column <= cell.column + reach; ++column) {
+        const raster::CellIndex at{static_cast<int>(column), static_cast<int>(row)};
+        const double z_m = g.contains(at) ? static_cast<double>(map_.terrain_m.at(at)) : kNan;
+        if (std::isnan(z_m)) {
+          continue;
+        }
+        const std::array<double, 3> term = {1.0,
+                                            g.cell_m * static_cast<double>(column - cell.column),
+                                            g.cell_m * static_cast<double>(row - cell.row)};
+        for (std::size_t i = 0; i < 3; ++i) {
+          for (std::size_t k = 0; k < 3; ++k) {
+            m[i][k] += term[i] * term[k];
+          }
+          right[i] += term[i] * z_m;
+        }
+      }
+    }
+    const auto determinant = [](const std::array<std::array<double, 3>, 3>& a) {
+      return a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
+             a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
+             a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
+    };
+    for (std::size_t k = 1; k < 3; ++k) {
+      auto replaced = m;
+      for (std::size_t i = 0; i < 3; ++i) {
+        replaced[i][k] = right[i];
+      }
+      slope_[k - 1] = determinant(replaced) / determinant(m);
+    }
+  }
+  const double along = slope_[0] * east + slope_[1] * north;
+  return along * along;
+}
+
+double PathSums::wire_crossings(const geo::MapPoint& a, const geo::MapPoint& b) const {
+  double sum = 0.0;
+  const double dx_m = b.x_m - a.x_m;
+  const double dy_m = b.y_m - a.y_m;
+  for (const map::OverheadLine& line : map_.overhead_lines) {
+    for (std::size_t i = 1; i < line.supports.size(); ++i) {
+      const geo::MapPoint& p = line.supports[i - 1].point;
+      const geo::MapPoint& q = line.supports[i].point;
+      const double span_x_m = q.x_m - p.x_m;
+      const double span_y_m = q.y_m - p.y_m;
+      // a + t (b - a) = p + u (q - p)
+      const double cross = dx_m * span_y_m - dy_m * span_x_m;
+      const double t = ((p.x_m - a.x_m) * span_y_m - (p.y_m - a.y_m) * span_x_m) / cross;
+      const double u = ((p.x_m - a.x_m) * dy_m - (p.y_m - a.y_m) * dx_m) / cross;
+      if (t >= 0.0 && t < 1.0 && u >= 0.0 && u <= 1.0) {  // not for NaN: parallel
+        sum += 1.0 - std::fabs(2.0 * u - 1.0);
+      }
+    }
+  }
+  return sum;
+}
+
 RouteSum PathSums::route_cost(const std::vector<flight::Waypoint>& waypoints) {
   RouteSum result;
   flight::RouteCost& sum = result.cost;
@@ -227,6 +311,10 @@ RouteSum PathSums::route_cost(const std::vector<flight::Waypoint>& waypoints) {
       sum.visibility_m = sum.semantics_m = sum.height_m = kNan;
       continue;
     }
+    if (rules_.wire_crossing_m > 0.0) {
+      sum.wire_crossings_m += rules_.wire_crossing_m * wire_crossings(a.point(), b.point());
+    }
+    const double track_m = distance_m(a.point(), b.point());
     std::vector<double> cuts = {0.0, 1.0};
     const auto cut_at_edges = [&](double start_m, double delta_m, double origin_m) {
       const double first = (start_m - origin_m) / g.cell_m;
@@ -243,6 +331,8 @@ RouteSum PathSums::route_cost(const std::vector<flight::Waypoint>& waypoints) {
     std::sort(cuts.begin(), cuts.end());
     double visible_before = kNan;
     double semantics_before = kNan;
+    double threats_before = kNan;
+    double slope_before = kNan;
     for (std::size_t k = 1; k < cuts.size(); ++k) {
       const double span_m = (cuts[k] - cuts[k - 1]) * leg_m;
       const int pieces = std::max(1, static_cast<int>(std::ceil(span_m / kPiece_m)));
@@ -270,6 +360,24 @@ RouteSum PathSums::route_cost(const std::vector<flight::Waypoint>& waypoints) {
           }
           visible_before = visible;
           semantics_before = semantic;
+          const raster::CellIndex cell = g.cell_at(point);
+          const auto add_stepwise = [ds_m](double value, double& before, double& term_m,
+                                           double& jumps_m2) {
+            const double jump = std::fmax(std::fabs(value - before), 0.0);
+            jumps_m2 += jump * jump;
+            before = value;
+            term_m += value * ds_m;
+          };
+          if (rules_.threats > 0.0) {
+            add_stepwise(rules_.threats * threats(cell, height_m), threats_before, sum.threats_m,
+                         jumps.threats_m);
+          }
+          if (rules_.slope_along > 0.0 && track_m > 0.0) {
+            add_stepwise(rules_.slope_along * square_of_slope(cell, dx_m / track_m, dy_m / track_m),
+                         slope_before, sum.slope_m, jumps.slope_m);
+          }
+          sum.soft_ceiling_m +=
+              rules_.soft_ceiling_1pm * std::fmax(height_m - rules_.soft_ceiling_m, 0.0) * ds_m;
           sum.visibility_m += visible * ds_m;
           sum.semantics_m += semantic * ds_m;
           sum.height_m +=
@@ -278,8 +386,11 @@ RouteSum PathSums::route_cost(const std::vector<flight::Waypoint>& waypoints) {
       }
     }
   }
-  result.deviation.visibility_m = kStepOfPlanners_m * std::sqrt(jumps.visibility_m / 12.0);
-  result.deviation.semantics_m = kStepOfPlanners_m * std::sqrt(jumps.semantics_m / 12.0);
+  for (double flight::RouteCost::*term :
+       {&flight::RouteCost::visibility_m, &flight::RouteCost::semantics_m,
+        &flight::RouteCost::threats_m, &flight::RouteCost::slope_m}) {
+    result.deviation.*term = kStepOfPlanners_m * std::sqrt(jumps.*term / 12.0);
+  }
   return result;
 }
 
@@ -461,9 +572,11 @@ void check_figures(const map::Map& map, const flight::Plan& plan, const CostRule
     };
     check.compare("route.cost.length_m", route.cost.length_m, cost.length_m,
                   kMeasureShare * cost.length_m + kMeasure_m);
-    compare("visibility_m", route.cost.visibility_m, cost.visibility_m, deviation.visibility_m);
-    compare("semantics_m", route.cost.semantics_m, cost.semantics_m, deviation.semantics_m);
-    compare("height_m", route.cost.height_m, cost.height_m, deviation.height_m);
+    for (const flight::CostTerm& term : flight::kCostTerms) {
+      if (term.value_m != &flight::RouteCost::length_m) {
+        compare(term.name, route.cost.*term.value_m, cost.*term.value_m, deviation.*term.value_m);
+      }
+    }
     const double total_m = cost.total_m();
     const double tolerance_m = kCostDeviations * deviation.total_m() + kCostShare * total_m;
     if (route.lower_bound_m > total_m + tolerance_m + kCost_m) {

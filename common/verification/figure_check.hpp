@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -19,6 +20,12 @@ struct CostRules {
   double visibility_per_height_1pm = 0.0;  // c_vis,h
   double semantics = 0.0;                  // c_sem [-]
   double height_1pm = 0.0;                 // c_height
+  // Beyond eq. (1), 0 in configs that do not know of them
+  double soft_ceiling_m = 0.0;
+  double soft_ceiling_1pm = 0.0;
+  double threats = 0.0;
+  double wire_crossing_m = 0.0;
+  double slope_along = 0.0;
   double reference_height_m = 0.0;
   double unknown_visibility = 0.0;
   double small_patch_m = 0.0;
@@ -34,7 +41,7 @@ struct CostRules {
 /// Throws ConfigError.
 CostRules read_cost_rules(const std::string& config_text, const std::string& name);
 
-/// The terms of eq. (1) along a route, and by how much sums in steps of a metre scatter about them.
+/// What a route costs, term by term, and by how much sums in steps of a metre scatter about them.
 struct RouteSum {
   flight::RouteCost cost;
   flight::RouteCost deviation;  // standard deviation of each term
@@ -51,6 +58,8 @@ class PathSums {
   ///
   /// Planners sum in steps of h = 1 m. At an edge where the integrand jumps by j, that misses up to
   /// h j / 2, evenly distributed: a variance of (h j)^2 / 12 for each edge.
+  ///
+  /// Each span of each overhead line is tried with each leg.
   RouteSum route_cost(const std::vector<flight::Waypoint>& waypoints);
 
   /// The measures of a flight, by the trapezoidal rule between its states.
@@ -70,11 +79,17 @@ class PathSums {
   double share_of(const Band& band, raster::CellIndex cell) const;
   double seen(const geo::MapPoint& point, double height_m, bool is_by_planners);
   double semantics(const geo::MapPoint& point, double altitude_m) const;
+  double threats(raster::CellIndex cell, double height_m) const;
+  // Square of the hillside's slope in a direction, a unit vector.
+  double square_of_slope(raster::CellIndex cell, double east, double north);
+  double wire_crossings(const geo::MapPoint& a, const geo::MapPoint& b) const;
 
   const map::Map& map_;
   const CostRules& rules_;
   std::vector<Band> bands_;  // ascending
   std::vector<std::pair<const map::Area*, Box>> soft_areas_;
+  raster::CellIndex slope_cell_{-1, -1};  // of the last slope
+  std::array<double, 2> slope_{};
 };
 
 /// Compares what plan.json says with what follows from its route, its trajectory, its request and

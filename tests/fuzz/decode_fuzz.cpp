@@ -77,6 +77,7 @@ const std::vector<Target>& targets() {
          map::Map map = begin_map(index);
          decode_map_tile(bytes, tiling_of(index), {MapLayer::kTerrain, 1, 1}, map);
        }},
+      {"route_plan_v2_t", [](ByteView bytes) { decode_route_plan(bytes); }},
   };
   return kTargets;
 }

@@ -317,8 +317,8 @@ TEST(FlightEnvelope, TheLeastDensityOfACellIsThatOfItsLowestPlaceAndNoPlaceCosts
                                   30.0 * (row + (k / kSide + 0.5) / kSide)};
         const AltitudeBand band = envelope.band_at(point);
         if (band.is_flyable()) {
-          sampled =
-              std::min(sampled, envelope.density_at({point.x_m, point.y_m, band.low_m + 1e-9}));
+          sampled = std::min(
+              sampled, envelope.density_at({point.x_m, point.y_m, band.low_m + 1e-9}, 1.0, 0.0));
         }
       }
       const double least = envelope.least_density({column, row});

@@ -443,6 +443,40 @@ TEST(RoundTrip, RoutePlanKeepsEachFieldUnderItsName) {
   EXPECT_EQ(back.route.batches, sent.route.batches);
 }
 
+TEST(RoundTrip, ARouteWhoseCostHasTermsBeyondEquationOneTravelsInTheSecondForm) {
+  flight::RoutePlan sent = test::example_route_plan();
+  const Bytes first_form = encode_route_plan(sent);
+  sent.route.cost.threats_m = 77.5;
+  EXPECT_EQ(decode_route_plan(encode_route_plan(sent)).route.cost, sent.route.cost);
+  sent.route.cost.soft_ceiling_m = 33.25;
+  sent.route.cost.wire_crossings_m = 11.125;
+  sent.route.cost.slope_m = 5.0625;
+  const Bytes bytes = encode_route_plan(sent);
+  const auto wire = wire_of<route_plan_v2_t>(bytes);
+  EXPECT_EQ(wire.cost_soft_ceiling_m, 33.25);
+  EXPECT_EQ(wire.cost_threats_m, 77.5);
+  EXPECT_EQ(wire.cost_wire_crossings_m, 11.125);
+  EXPECT_EQ(wire.cost_slope_m, 5.0625);
+  const flight::RoutePlan back = decode_route_plan(bytes);
+  EXPECT_EQ(back.route.cost, sent.route.cost);
+  EXPECT_EQ(back.route.guide, sent.route.guide);
+  // All else is the first form.
+  flight::RoutePlan without = back;
+  without.route.cost = test::example_route_plan().route.cost;
+  EXPECT_EQ(encode_route_plan(without), first_form);
+  sent.route.cost.slope_m = std::nan("");
+  EXPECT_THROW(encode_route_plan(sent), std::invalid_argument);
+  sent.route.cost.slope_m = -1.0;
+  EXPECT_THROW(encode_route_plan(sent), std::invalid_argument);
+  Bytes of_another_version = bytes;
+  of_another_version[9] = std::byte{2};
+  EXPECT_THROW(decode_route_plan(of_another_version), MessageError);
+  Bytes nested_version = bytes;
+  nested_version[11] = std::byte{2};
+  EXPECT_THROW(decode_route_plan(nested_version), MessageError);
+  EXPECT_THROW(decode_route_plan(ByteView(bytes).first(bytes.size() - 8)), MessageError);
+}
+
 TEST(RoundTrip, RouteAndFlightBlobsGiveTheWholePlanBack) {
   const flight::Plan sent = test::example_plan();
   const Hash128 route_id{7, 8};

@@ -129,11 +129,12 @@ struct Case {
   }
 };
 
-Case planned_case() {
+Case planned_case(map::Map map = region(), std::vector<std::string> settings = {}) {
   Case planned;
-  planned.map = region();
+  planned.map = std::move(map);
+  settings.emplace_back("global.work_budget=40000");
   const PlanningConfig config =
-      read_planning_config(effective_planning_config("", {"global.work_budget=40000"}), "test");
+      read_planning_config(effective_planning_config("", settings), "test");
   flight::PlanRequest request;
   request.start = place(planned.map, 1500.0, 1500.0);
   request.goal = place(planned.map, 7500.0, 4000.0);
@@ -607,6 +608,35 @@ TEST(PlantedFaults, CostsOfARealPlanScatterNoMoreThanStepsOfAMetreMakeThem) {
   EXPECT_NEAR(cost.height_m, route.cost.height_m, 1e-4 * cost.height_m);
   EXPECT_LT(deviation.visibility_m, 1e-3 * cost.visibility_m);
   EXPECT_LT(deviation.semantics_m, 1e-3 * cost.semantics_m);
+}
+
+TEST(PlantedFaults, TermsBeyondEquationOneAreFoundFalseOneByOne) {
+  map::Map map = region();
+  // An observer sees all that flies, but nothing in the west.
+  map.threats = {{"tower", raster::Grid<float>(map.geometry, std::nanf(""))}};
+  for (int row = 0; row < 200; ++row) {
+    for (int column = 60; column < 300; ++column) {
+      map.threats[0].height_m.at(column, row) = 15.0F;
+    }
+  }
+  test::finish_map(map);
+  const Case sound =
+      planned_case(std::move(map),
+                   {"weights.soft_ceiling_m=20.5", "weights.soft_ceiling_1pm=0.05",
+                    "weights.threats=3", "weights.wire_crossing_m=400", "weights.slope_along=30"});
+  EXPECT_EQ(list_of(broken_rules(sound)), "");
+  const flight::RouteCost& cost = sound.plan.route_plan.route.cost;
+  for (std::size_t i = flight::kPaperCostTerms; i < flight::kCostTerms.size(); ++i) {
+    const flight::CostTerm& term = flight::kCostTerms[i];
+    EXPECT_GT(cost.*term.value_m, 20.0) << term.name;
+    Case faulty = sound;
+    faulty.plan.route_plan.route.cost.*term.value_m *= 0.9;
+    EXPECT_EQ(broken_rules(faulty).count(std::string("route.cost.") + term.name), 1U) << term.name;
+  }
+  // Read back from its files it is as sound.
+  Case read_back = sound;
+  read_back.damage_files = [](const std::filesystem::path&) {};
+  EXPECT_EQ(list_of(broken_rules(read_back)), "");
 }
 
 TEST(PlantedFaults, DarkPatchesAreFoundSmallByTheirDefinitionAsByTheMorphology) {

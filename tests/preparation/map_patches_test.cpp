@@ -166,6 +166,39 @@ TEST(MapPatches, AnObserverMakesSeenWhatItSeesAtEachHeightOfTheMap) {
   EXPECT_EQ(map.surface_m.values(), base.surface_m.values());
 }
 
+TEST(MapPatches, AnObserverJoinsThoseThatTheMapKnowsAndNobodyElse) {
+  map::Map base = test::make_map(
+      60, 21, 10.0, [](double x_m, double) { return x_m > 300.0 && x_m < 310.0 ? 30.0 : 0.0; });
+  Patch appears = threat(1, {105.0, 105.0}, 400.0, 10.0);
+  appears.label = "scout";
+  EXPECT_TRUE(patched(base, {appears}).threats.empty());
+  base.threats = {{"tower", raster::Grid<float>(base.geometry, 12.0F)}};
+  test::finish_map(base);
+  const map::Map map = patched(base, {appears});
+  ASSERT_EQ(map.threats.size(), 2U);
+  EXPECT_EQ(map.threats[0].height_m.values(), base.threats[0].height_m.values());
+  EXPECT_EQ(map.threats[1].name, "scout");
+  EXPECT_EQ(map.threats[1].height_m.at(20, 10), 0.0F);
+  // Over the wall of 20 m more than the eye, 200 m away: 10 + d / 10 as above.
+  EXPECT_NEAR(map.threats[1].height_m.at(40, 10), 10.0 + 300.0 / 10.0, 1e-3);
+  EXPECT_TRUE(std::isnan(map.threats[1].height_m.at(55, 10)));
+  EXPECT_NE(map.hash, base.hash);
+}
+
+TEST(MapPatches, WhatAnObserverSeesOverAnObstacleIsSeenAtTheSameAltitude) {
+  map::Map base = test::make_map(60, 21, 10.0, [](double, double) { return 0.0; });
+  base.threats = {{"tower", raster::Grid<float>(base.geometry, 12.0F)}};
+  base.threats[0].height_m.at(30, 10) = std::nanf("");
+  test::finish_map(base);
+  const map::Map map =
+      patched(base, {obstacle(1, {405.0, 105.0}, 4.0, 5.0), obstacle(2, {205.0, 105.0}, 4.0, 50.0),
+                     obstacle(3, {305.0, 105.0}, 4.0, 50.0)});
+  EXPECT_EQ(map.threats[0].height_m.at(40, 10), 7.0F);
+  EXPECT_EQ(map.threats[0].height_m.at(20, 10), 0.0F);
+  EXPECT_TRUE(std::isnan(map.threats[0].height_m.at(30, 10)));
+  EXPECT_EQ(map.threats[0].height_m.at(45, 10), 12.0F);
+}
+
 // Else a mast that appears could hide somebody.
 TEST(MapPatches, AnObstacleHidesNothingFromAnObserver) {
   const map::Map base = test::make_map(60, 21, 10.0, [](double, double) { return 0.0; });

@@ -84,7 +84,8 @@ TEST(SemanticCostTable, CostsOutsideZeroToOneAreRefused) {
 
 TEST(Weights, NegativeOnesAreRefused) {
   auto reader = ConfigReader::from_text(
-      "visibility: 25\nvisibility_per_height_1pm: 0.02\nsemantics: -4\nheight_1pm: 0.01\n",
+      "visibility: 25\nvisibility_per_height_1pm: 0.02\nsemantics: -4\nheight_1pm: 0.01\n"
+      "soft_ceiling_m: 60\nsoft_ceiling_1pm: 0\nthreats: 0\nwire_crossing_m: 0\nslope_along: 0\n",
       "test.yaml");
   EXPECT_THROW(read_weights(reader), ConfigError);
 }
