@@ -19,6 +19,7 @@ struct Arguments {
   std::string map;
   std::int64_t plans = 0;
   double wind_mps = -1.0;
+  double turbulence_mps = -1.0;
   SeedArgument seed;
   PlanningArguments planning;
 };
@@ -36,6 +37,9 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   }
   if (arguments.wind_mps >= 0.0) {
     options.wind_mps = arguments.wind_mps;
+  }
+  if (arguments.turbulence_mps >= 0.0) {
+    options.turbulence_wind_6m_mps = arguments.turbulence_mps;
   }
   ConfigReader rotor_file = shipped("rotor_plant.yaml");
   const auto rotor = command_model::read_rotor_parameters(rotor_file);
@@ -57,10 +61,13 @@ ExitCode run(const Console& console, const Arguments& arguments) {
               result.horizontal_margin_m, result.below_margin_m, result.above_margin_m,
               result.rotor_power_kw);
   std::printf(
-      "plant        feed-fwd  wind  within  beside  (rms)   below   above  torque margin\n");
+      "plant        feed-fwd  wind   within  beside  (rms)   below   above  torque margin\n");
   for (const evaluation::FlightRow& row : result.rows) {
-    std::printf("%-12s %-8s  %-4s  %3lld/%-3lld %6.2f %6.2f  %6.2f  %6.2f", row.plant.c_str(),
-                row.has_feed_forward ? "yes" : "no", row.has_wind ? "yes" : "no",
+    std::printf("%-12s %-8s  %-5s  %3lld/%-3lld %6.2f %6.2f  %6.2f  %6.2f", row.plant.c_str(),
+                row.has_feed_forward ? "yes" : "no",
+                row.has_turbulence ? "gusts"
+                : row.has_wind     ? "yes"
+                                   : "no",
                 static_cast<long long>(row.within_margins), static_cast<long long>(row.flights),
                 row.horizontal_max_m, row.horizontal_rms_m, row.below_max_m, row.above_max_m);
     if (std::isnan(row.torque_margin_min)) {
@@ -97,6 +104,10 @@ void add_flight_evaluation_verb(CLI::App& evaluate, Console& console) {
   verb->add_option("--wind-mps", arguments->wind_mps,
                    "Speed of the wind (default: evaluation.yaml)")
       ->check(CLI::Range(0.0, 30.0));
+  verb->add_option("--turbulence-mps", arguments->turbulence_mps,
+                   "Mean wind 6 m above the ground of Dryden turbulence, in rows of its own that "
+                   "no margin binds; 0: none (default: evaluation.yaml)")
+      ->check(CLI::Range(0.0, 40.0));
   arguments->seed.add_to(*verb, "the drawing");
   arguments->planning.add_to(*verb);
   add_common_options(*verb, console);

@@ -86,7 +86,7 @@ ExitCode run_table3(const Console& console, const FrameworkArguments& arguments)
     options.budget_s = arguments.budget_s;
   }
   const std::uint64_t seed = arguments.seed.value(console);
-  const planning::PlanningConfig config = arguments.planning.config();
+  const planning::PlanningConfig config = arguments.planning.calm_config("evaluate table3");
   const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::FrameworkResult result = evaluation::compare_frameworks(
@@ -122,7 +122,7 @@ ExitCode run_sensitivity(const Console& console, const FrameworkArguments& argum
     }
   }
   const std::uint64_t seed = arguments.seed.value(console);
-  const planning::PlanningConfig config = arguments.planning.config();
+  const planning::PlanningConfig config = arguments.planning.calm_config("evaluate sensitivity");
   const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::SensitivityResult result = evaluation::evaluate_sensitivity(

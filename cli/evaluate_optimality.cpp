@@ -77,7 +77,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
                          ? arguments.polish_s
                          : evaluation::polish_s_of(shipped, options.budgets_s);
   const std::uint64_t seed = arguments.seed.value(console);
-  const planning::PlanningConfig config = arguments.planning.config();
+  const planning::PlanningConfig config = arguments.planning.calm_config("evaluate optimality");
   const map::Map map = planning::read_map_for(arguments.map, config);
   const risk::CostModel costs = planning::cost_model(map, config);
   const auto contestants = evaluation::make_contestants(options.planners, costs, config,

@@ -60,7 +60,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
     options.drawing.distance_min_m = arguments.distance_m;
   }
   const std::uint64_t seed = arguments.seed.value(console);
-  const planning::PlanningConfig config = arguments.planning.config();
+  const planning::PlanningConfig config = arguments.planning.calm_config("evaluate replanning");
   const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const evaluation::ReplanningResult result =

@@ -27,7 +27,7 @@ ExitCode run_local_speed(const Console& console, const SpeedArguments& arguments
   if (!local_planning::is_available(arguments.options.kernel)) {
     throw UsageError("this processor lacks the instructions that --simd asks for");
   }
-  const planning::PlanningConfig config = arguments.planning.config();
+  const planning::PlanningConfig config = arguments.planning.calm_config("evaluate local-speed");
   std::optional<map::Map> map;
   if (!arguments.map.empty()) {
     map = planning::read_map_for(arguments.map, config);

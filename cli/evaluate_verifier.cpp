@@ -55,7 +55,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
     options.plans = arguments.plans;
   }
   const std::uint64_t seed = arguments.seed.value(console);
-  const planning::PlanningConfig config = arguments.planning.config();
+  const planning::PlanningConfig config = arguments.planning.calm_config("evaluate verifier");
   const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const auto plan = [](const map::Map& on, const flight::PlanRequest& request,

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <random>
 
+#include "base/errors.hpp"
 #include "base/shipped_config.hpp"
 #include "hedgehop_version.hpp"
 #include "preparation/visibility.hpp"
@@ -30,6 +31,15 @@ void PlanningArguments::add_to(CLI::App& verb) {
 planning::PlanningConfig PlanningArguments::config() const {
   return planning::read_planning_config(planning::effective_planning_config(config_file, settings),
                                         "effective configuration");
+}
+
+planning::PlanningConfig PlanningArguments::calm_config(const char* verb) const {
+  planning::PlanningConfig result = config();
+  if (result.conditions.wind_mps > 0.0) {
+    throw UsageError(std::string(verb) + " knows no wind, and conditions.wind_mps is above 0",
+                     "leave conditions.wind_mps at 0");
+  }
+  return result;
 }
 
 void SeedArgument::add_to(CLI::App& verb, const char* of_what) {

@@ -21,6 +21,8 @@ struct PlanningArguments {
   void add_to(CLI::App& verb);
   /// Throws ConfigError.
   [[nodiscard]] planning::PlanningConfig config() const;
+  /// The same for what knows no wind: throws UsageError if there is one.
+  [[nodiscard]] planning::PlanningConfig calm_config(const char* verb) const;
 };
 
 /// --seed. Must outlive the parsing.

@@ -147,7 +147,7 @@ void RequestArguments::add_to(CLI::App& verb) {
           },
           "From true north, clockwise (default: towards the first waypoint)")
       ->check(CLI::Range(-360.0, 360.0));
-  verb.add_option("--speed-mps", speed_mps, "Ground speed (default: speed_mps of the config)")
+  verb.add_option("--speed-mps", speed_mps, "Airspeed (default: speed_mps of the config)")
       ->check(CLI::PositiveNumber);
   verb.add_option("--departure", departure,
                   "When it begins, as 2026-05-01T06:30Z; with an arrival, the speed follows");

@@ -18,7 +18,7 @@ struct RoadmapArguments {
 };
 
 ExitCode run(const Console& console, const RoadmapArguments& arguments) {
-  const planning::PlanningConfig config = arguments.planning.config();
+  const planning::PlanningConfig config = arguments.planning.calm_config("a roadmap");
   const map::Map map = planning::read_map_for(arguments.map, config);
   const auto observer = console.observer();
   const std::filesystem::path file = planning::roadmap_file(arguments.map);

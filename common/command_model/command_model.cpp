@@ -83,6 +83,22 @@ ModelState trimmed_state(double x_m, double y_m, double altitude_m, double speed
   return state;
 }
 
+ModelState over_ground(ModelState state, const flight::Wind& wind) {
+  const flight::Motion motion =
+      flight::over_ground(wind, {state.speed_mps, state.heading_math_rad});
+  state.speed_mps = motion.speed_mps;
+  state.heading_math_rad = motion.direction_math_rad;
+  return state;
+}
+
+ModelState through_air(ModelState over_ground, const flight::Wind& wind) {
+  const flight::Motion motion =
+      flight::through_air(wind, {over_ground.speed_mps, over_ground.heading_math_rad});
+  over_ground.speed_mps = motion.speed_mps;
+  over_ground.heading_math_rad = motion.direction_math_rad;
+  return over_ground;
+}
+
 CommandModel::CommandModel(const Vehicle& vehicle)
     : vehicle_(vehicle),
       bank_command_max_rad_(vehicle.limits.bank_max_rad /
@@ -172,9 +188,11 @@ ModelState CommandModel::step(const ModelState& state, const Command& command,
   trigonometry.cos_heading = heading.cosine;
   trigonometry.sin_heading = heading.sine;
   next.x_m = state.x_m +
-             0.5 * step_s * (state.speed_mps * from.cos_heading + next.speed_mps * heading.cosine);
+             0.5 * step_s * (state.speed_mps * from.cos_heading + next.speed_mps * heading.cosine) +
+             step_s * vehicle_.wind.east_mps;
   next.y_m = state.y_m +
-             0.5 * step_s * (state.speed_mps * from.sin_heading + next.speed_mps * heading.sine);
+             0.5 * step_s * (state.speed_mps * from.sin_heading + next.speed_mps * heading.sine) +
+             step_s * vehicle_.wind.north_mps;
 
   const flight::VerticalRates rates = vehicle_.vertical_rates(next.speed_mps, state.altitude_m);
   const double error_mps = std::clamp(command.climb_rate_mps, -rates.descent_mps, rates.climb_mps) -

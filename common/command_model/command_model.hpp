@@ -6,6 +6,7 @@
 #include "base/config_reader.hpp"
 #include "flight/power_curve.hpp"
 #include "flight/vehicle.hpp"
+#include "flight/wind.hpp"
 
 namespace hedgehop::command_model {
 
@@ -34,6 +35,7 @@ struct Vehicle {
   std::optional<flight::PowerCurve> power;
   /// Not of the file: what `power` admits in the conditions of a flight that keeps it.
   std::optional<flight::PowerLimits> power_limits = std::nullopt;
+  flight::Wind wind = {};  // not of the file either: what a flight is made in
 
   /// The climb and descent rates of `limits`, and where there are power_limits, those too, with
   /// 0.02 m/s to spare, as a step takes them where it begins. A descent stays a descent.
@@ -44,6 +46,8 @@ Vehicle read_vehicle(ConfigReader& reader);
 /// State of the closed-loop model. Angles counter-clockwise from grid east, bank positive to the
 /// LEFT (it turns the heading counter-clockwise): this is the frame of the mathematics, not of the
 /// outputs.
+///
+/// Speed and heading are those through the air; without wind, those over ground.
 struct ModelState {
   double x_m = 0.0;
   double y_m = 0.0;
@@ -77,6 +81,10 @@ struct StateTrigonometry {
 };
 StateTrigonometry trigonometry_of(const ModelState& state);
 
+/// The same state with speed and heading over ground, and back.
+ModelState over_ground(ModelState state, const flight::Wind& wind);
+ModelState through_air(ModelState over_ground, const flight::Wind& wind);
+
 /// Trimmed flight on a straight line: wings level, climbing steadily with the integrator settled.
 ModelState trimmed_state(double x_m, double y_m, double altitude_m, double speed_mps,
                          double heading_math_rad, double climb_rate_mps);
@@ -98,7 +106,9 @@ ModelState trimmed_state(double x_m, double y_m, double altitude_m, double speed
 ///
 /// phi    bank, left positive; w, zeta: attitude_frequency_radps, attitude_damping
 /// theta  pitch relative to trim, nose up positive
-/// V      horizontal ground speed; chi: heading = track, counter-clockwise from east
+/// V      airspeed, horizontal; chi: heading, counter-clockwise from east. Flight is coordinated:
+///        the vehicle moves through the air to where it heads. The place moves by that and by the
+///        wind of the vehicle
 /// T, K   heave_time_constant_s and the climb gains
 ///
 /// Attitude and heave are stepped by their exact solution for a command held over the step;

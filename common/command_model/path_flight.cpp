@@ -13,6 +13,15 @@ namespace {
 using Model = std::shared_ptr<const CommandModel>;
 using Rotor = std::shared_ptr<const RotorPlant>;
 
+Plant in_wind(Plant plant, const Wind& wind) {
+  if (auto* model = std::get_if<Model>(&plant); model && (*model)->vehicle().wind != wind) {
+    Vehicle vehicle = (*model)->vehicle();
+    vehicle.wind = wind;
+    return std::make_shared<const CommandModel>(vehicle);
+  }
+  return plant;
+}
+
 double root_mean(double square_sum, std::int64_t count) {
   return count > 0 ? std::sqrt(square_sum / static_cast<double>(count)) : 0.0;
 }
@@ -23,10 +32,11 @@ double PathRecord::horizontal_rms_m() const { return root_mean(horizontal_square
 double PathRecord::vertical_rms_m() const { return root_mean(vertical_square_sum_m2, steps); }
 
 PathFlight::PathFlight(const flight::Trajectory& trajectory, Plant plant,
-                       const FollowerOptions& options, bool has_feed_forward, const Wind& wind)
+                       const FollowerOptions& options, bool has_feed_forward, const Wind& wind,
+                       const Wind& planned_wind)
     : trajectory_(&trajectory),
-      plant_(std::move(plant)),
-      follower_(trajectory, options, has_feed_forward),
+      plant_(in_wind(std::move(plant), wind)),
+      follower_(trajectory, options, has_feed_forward, planned_wind),
       wind_(wind) {
   const flight::FlightState& first = trajectory.states.front();
   const double course_rad = math_angle_from_azimuth_rad(
@@ -52,6 +62,7 @@ void PathFlight::take_over(const PathFlight& before) {
   model_state_ = before.model_state_;
   rotor_state_ = before.rotor_state_;
   command_ = before.command_;
+  turbulence_ = before.turbulence_;
   record_.power_max_w = rotor_state_.power_w;
 }
 
@@ -62,6 +73,22 @@ FollowedState PathFlight::place() const {
   return {model_state_.x_m, model_state_.y_m, model_state_.altitude_m};
 }
 
+Gust PathFlight::next_gust(double step_s) {
+  if (!turbulence_) {
+    return {};
+  }
+  const bool is_rotor = std::holds_alternative<Rotor>(plant_);
+  const double east_mps = rotor_state_.east_mps - wind_.east_mps;
+  const double north_mps = rotor_state_.north_mps - wind_.north_mps;
+  const double airspeed_mps =
+      is_rotor ? std::sqrt(east_mps * east_mps + north_mps * north_mps) : model_state_.speed_mps;
+  const auto beside =
+      static_cast<std::size_t>(std::max(0.0, follower_.plan_time_s() / trajectory_->step_s));
+  const flight::FlightState& planned =
+      trajectory_->states[std::min(beside, trajectory_->states.size() - 1)];
+  return turbulence_->next(airspeed_mps * step_s, place().altitude_m - planned.terrain_m);
+}
+
 void PathFlight::step() {
   const double step_s = trajectory_->step_s;
   const double before_rad = command_.heading_math_rad;
@@ -69,15 +96,24 @@ void PathFlight::step() {
   command_.heading_math_rad =
       limited_heading_rad(before_rad, command_.heading_math_rad, heading_rate_max_radps_ * step_s);
   note();
+  const Gust gust = next_gust(step_s);
+  const elementary::SineCosine heading = elementary::sine_cosine(
+      std::holds_alternative<Rotor>(plant_) ? rotor_state_.heading_math_rad
+                                            : model_state_.heading_math_rad);
+  const double gust_east_mps = gust.along_mps * heading.cosine - gust.left_mps * heading.sine;
+  const double gust_north_mps = gust.along_mps * heading.sine + gust.left_mps * heading.cosine;
   if (const auto* rotor = std::get_if<Rotor>(&plant_)) {
-    rotor_state_ = (*rotor)->step(rotor_state_, command_, wind_, step_s);
+    rotor_state_ = (*rotor)->step(
+        rotor_state_, command_, {wind_.east_mps + gust_east_mps, wind_.north_mps + gust_north_mps},
+        step_s, gust.up_mps);
     record_.power_max_w = std::max(record_.power_max_w, rotor_state_.power_w);
     record_.power_limited_steps += rotor_state_.is_power_limited ? 1 : 0;
     return;
   }
   model_state_ = std::get<Model>(plant_)->step(model_state_, command_, step_s);
-  model_state_.x_m += wind_.east_mps * step_s;
-  model_state_.y_m += wind_.north_mps * step_s;
+  model_state_.x_m += gust_east_mps * step_s;
+  model_state_.y_m += gust_north_mps * step_s;
+  model_state_.altitude_m += gust.up_mps * step_s;
 }
 
 void PathFlight::note() {
@@ -123,8 +159,12 @@ ModelState PathFlight::state() const {
 }
 
 PathFlight flown_path(const flight::Trajectory& trajectory, const Plant& plant,
-                      const FollowerOptions& options, bool has_feed_forward, const Wind& wind) {
-  PathFlight flight(trajectory, plant, options, has_feed_forward, wind);
+                      const FollowerOptions& options, bool has_feed_forward, const Wind& wind,
+                      const Wind& planned_wind, const TurbulenceOptions& turbulence) {
+  PathFlight flight(trajectory, plant, options, has_feed_forward, wind, planned_wind);
+  if (turbulence.wind_6m_mps > 0.0) {
+    flight.add_turbulence(turbulence);
+  }
   while (!flight.is_over()) {
     flight.step();
   }

@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <variant>
 
 #include "command_model/command_model.hpp"
 #include "command_model/path_follower.hpp"
 #include "command_model/rotor_plant.hpp"
+#include "command_model/turbulence.hpp"
 #include "flight/trajectory.hpp"
 
 namespace hedgehop::command_model {
@@ -33,13 +35,20 @@ struct PathRecord {
 /// trimmed at the path's first state.
 class PathFlight {
  public:
-  /// The trajectory must outlive the flight.
+  /// The trajectory must outlive the flight. A CommandModel flies in `wind` whatever wind its
+  /// vehicle has.
+  ///
+  /// @param planned_wind  that the trajectory was made for
   PathFlight(const flight::Trajectory& trajectory, Plant plant, const FollowerOptions& options,
-             bool has_feed_forward, const Wind& wind);
+             bool has_feed_forward, const Wind& wind, const Wind& planned_wind = {});
 
   /// Goes on from where another flight of the same kind of plant is, instead of the path's first
   /// state.
   void take_over(const PathFlight& before);
+
+  /// From here on the air is turbulent as well, over the ground that the plan says. A rotor feels
+  /// it by its airspeed and lift; the model of the planner is carried along as a leaf would be.
+  void add_turbulence(const TurbulenceOptions& options) { turbulence_.emplace(options); }
 
   /// From here on the commanded heading changes by no more than this.
   void limit_heading_rate(double rate_max_radps) { heading_rate_max_radps_ = rate_max_radps; }
@@ -60,13 +69,15 @@ class PathFlight {
 
  private:
   [[nodiscard]] FollowedState place() const;
+  [[nodiscard]] Gust next_gust(double step_s);
   void note();
 
   const flight::Trajectory* trajectory_;
   Plant plant_;
   PathFollower follower_;
   Wind wind_;
-  ModelState model_state_;  // of the air: heading and speed without the wind
+  std::optional<Turbulence> turbulence_;
+  ModelState model_state_;
   RotorState rotor_state_;
   Command command_;
   double heading_rate_max_radps_ = std::numeric_limits<double>::infinity();
@@ -75,6 +86,7 @@ class PathFlight {
 
 /// Flies it to its end.
 PathFlight flown_path(const flight::Trajectory& trajectory, const Plant& plant,
-                      const FollowerOptions& options, bool has_feed_forward, const Wind& wind);
+                      const FollowerOptions& options, bool has_feed_forward, const Wind& wind,
+                      const Wind& planned_wind = {}, const TurbulenceOptions& turbulence = {});
 
 }  // namespace hedgehop::command_model

@@ -40,8 +40,11 @@ FollowerOptions read_follower_options(ConfigReader& reader) {
 }
 
 PathFollower::PathFollower(const flight::Trajectory& trajectory, const FollowerOptions& options,
-                           bool has_feed_forward)
-    : trajectory_(&trajectory), options_(options), has_feed_forward_(has_feed_forward) {
+                           bool has_feed_forward, const Wind& planned_wind)
+    : trajectory_(&trajectory),
+      options_(options),
+      has_feed_forward_(has_feed_forward),
+      planned_wind_(planned_wind) {
   if (trajectory.states.size() < 2 || !(trajectory.step_s > 0.0)) {
     throw std::invalid_argument("a path to follow has two states at least");
   }
@@ -144,8 +147,14 @@ Command PathFollower::command(const FollowedState& state, const Wind& wind, doub
   const double along_wind_mps =
       ground_mps > 0.0 ? (wind.east_mps * east_mps + wind.north_mps * north_mps) / ground_mps : 0.0;
   const double wind_squared = wind.east_mps * wind.east_mps + wind.north_mps * wind.north_mps;
-  const double reach =
-      told.speed_mps * told.speed_mps - wind_squared + along_wind_mps * along_wind_mps;
+  // The square of the plan's airspeed.
+  const double planned_squared =
+      told.speed_mps * told.speed_mps -
+      2.0 * told.speed_mps *
+          (planned_wind_.east_mps * along.cosine + planned_wind_.north_mps * along.sine) +
+      planned_wind_.east_mps * planned_wind_.east_mps +
+      planned_wind_.north_mps * planned_wind_.north_mps;
+  const double reach = planned_squared - wind_squared + along_wind_mps * along_wind_mps;
   const double reached_mps = along_wind_mps + std::sqrt(std::fmax(reach, 0.0));
   const double share =
       ground_mps > 0.0 ? std::clamp(reached_mps / ground_mps, kSpeedShareMin, 1.0) : 1.0;

@@ -37,8 +37,9 @@ struct FollowedState {
 ///     up      k_h (h_plan - h)
 ///
 /// with e the distance to the left of the path. The wind, which a vehicle knows from its airspeed,
-/// is taken off, so that the command is one of the air, of no more airspeed than the plan has
-/// speed: against the wind a flight takes longer, as far as half its speed. What the vehicle
+/// is taken off, so that the command is one of the air, of no more airspeed than the plan has in
+/// the wind that it was made for: against more wind a flight takes longer, as far as half its
+/// speed over ground. What the vehicle
 /// answers late is told early: with feed-forward the plan's states give course and climb rate some
 /// time later; without it the plan is a line in space flown at a speed, and both are those of its
 /// chord from here to the place twice as far ahead.
@@ -46,7 +47,7 @@ class PathFollower {
  public:
   /// The trajectory must outlive the follower and have two states at least.
   PathFollower(const flight::Trajectory& trajectory, const FollowerOptions& options,
-               bool has_feed_forward);
+               bool has_feed_forward, const Wind& planned_wind = {});
 
   /// The command for the next `step_s`.
   Command command(const FollowedState& state, const Wind& wind, double step_s);
@@ -71,6 +72,7 @@ class PathFollower {
   const flight::Trajectory* trajectory_;
   FollowerOptions options_;
   bool has_feed_forward_;
+  Wind planned_wind_;
   double place_ = 0.0;  // in states of the trajectory
   double integral_mps_ = 0.0;
   double cross_track_m_ = 0.0;

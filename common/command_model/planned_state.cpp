@@ -12,9 +12,11 @@ double math_rad(double true_rad, const flight::FlightState& state) {
 
 }  // namespace
 
-ModelState model_state_of(const flight::FlightState& state) {
-  ModelState model = trimmed_state(state.x_m, state.y_m, state.altitude_m, state.speed_mps,
-                                   math_rad(state.heading_true_rad, state), state.climb_rate_mps);
+ModelState model_state_of(const flight::FlightState& state, const flight::Wind& wind) {
+  const flight::Motion motion =
+      flight::through_air(wind, {state.speed_mps, math_rad(state.heading_true_rad, state)});
+  ModelState model = trimmed_state(state.x_m, state.y_m, state.altitude_m, motion.speed_mps,
+                                   motion.direction_math_rad, state.climb_rate_mps);
   model.bank_left_rad = -state.bank_rad;
   model.roll_rate_left_radps = -state.roll_rate_radps;
   model.pitch_rad = state.pitch_rad;

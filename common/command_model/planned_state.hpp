@@ -6,7 +6,9 @@
 namespace hedgehop::command_model {
 
 /// The model at a state of a trajectory, its integrator settled.
-ModelState model_state_of(const flight::FlightState& state);
+///
+/// @param wind  that the trajectory was planned for
+ModelState model_state_of(const flight::FlightState& state, const flight::Wind& wind = {});
 
 /// What the local planner told the model there.
 Command command_of(const flight::FlightState& state);

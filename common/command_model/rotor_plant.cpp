@@ -34,8 +34,9 @@ Vector thrust_direction(const RotorState& state) {
           tilt.sine * heading.sine + left * heading.cosine, tilt.cosine * bank.cosine};
 }
 
-Vector air_velocity(const RotorState& state, const Wind& wind) {
-  return {state.east_mps - wind.east_mps, state.north_mps - wind.north_mps, state.climb_rate_mps};
+Vector air_velocity(const RotorState& state, const Wind& wind, double updraft_mps) {
+  return {state.east_mps - wind.east_mps, state.north_mps - wind.north_mps,
+          state.climb_rate_mps - updraft_mps};
 }
 
 struct Lag {
@@ -81,6 +82,7 @@ RotorParameters read_rotor_parameters(ConfigReader& reader) {
   p.tip_speed_mps = positive("tip_speed_mps");
   p.profile_drag = positive("profile_drag");
   p.profile_advance = not_negative("profile_advance");
+  p.lift_slope_1prad = positive("lift_slope_1prad");
   p.induced_factor = positive("induced_factor");
   p.flat_plate_m2 = positive("flat_plate_m2");
   p.power_available_w = 1000.0 * positive("power_available_kw");
@@ -138,10 +140,10 @@ double RotorPlant::disc_area_m2() const {
   return std::numbers::pi * parameters_.rotor_radius_m * parameters_.rotor_radius_m;
 }
 
-RotorPower RotorPlant::power(const RotorState& state, const Wind& wind) const {
+RotorPower RotorPlant::power(const RotorState& state, const Wind& wind, double updraft_mps) const {
   const RotorParameters& p = parameters_;
   const double density = air_density_kgpm3(state.altitude_m);
-  const Vector air = air_velocity(state, wind);
+  const Vector air = air_velocity(state, wind, updraft_mps);
   const double axial_mps = dot(air, thrust_direction(state));
   const double squared = dot(air, air);
   const double in_plane_mps = std::sqrt(std::max(squared - axial_mps * axial_mps, 0.0));
@@ -183,7 +185,7 @@ RotorState RotorPlant::trimmed(double x_m, double y_m, double altitude_m, double
 }
 
 RotorState RotorPlant::step(const RotorState& state, const Command& command, const Wind& wind,
-                            double step_s) const {
+                            double step_s, double updraft_mps) const {
   if (!(step_s > 0.0 && step_s <= 0.2)) {
     throw std::invalid_argument("the rotor plant is stepped by 0 to 0.2 s, not by " +
                                 std::to_string(step_s));
@@ -192,18 +194,18 @@ RotorState RotorPlant::step(const RotorState& state, const Command& command, con
   RotorState next = state;
   bool is_power_limited = false;
   for (int i = 0; i < parts; ++i) {
-    next = part(next, command, wind, step_s / parts);
+    next = part(next, command, wind, step_s / parts, updraft_mps);
     is_power_limited = is_power_limited || next.is_power_limited;
   }
-  next.power_w = power(next, wind).total_w();
+  next.power_w = power(next, wind, updraft_mps).total_w();
   next.is_power_limited = is_power_limited;
   return next;
 }
 
 RotorState RotorPlant::part(const RotorState& state, const Command& command, const Wind& wind,
-                            double step_s) const {
+                            double step_s, double updraft_mps) const {
   const RotorParameters& p = parameters_;
-  const Vector air = air_velocity(state, wind);
+  const Vector air = air_velocity(state, wind, updraft_mps);
   const double airspeed_mps = std::sqrt(air.x * air.x + air.y * air.y);
   const double density = air_density_kgpm3(state.altitude_m);
   const double drag_per_mps = 0.5 * density * p.flat_plate_m2 * std::sqrt(dot(air, air));
@@ -239,7 +241,7 @@ RotorState RotorPlant::part(const RotorState& state, const Command& command, con
   RotorState trial = state;
   const auto power_at = [&](double thrust_n) {
     trial.thrust_n = thrust_n;
-    return power(trial, wind).total_w();
+    return power(trial, wind, updraft_mps).total_w();
   };
   next.is_power_limited = power_at(wanted_thrust_n) > power_max_w();
   if (next.is_power_limited) {
@@ -278,7 +280,11 @@ RotorState RotorPlant::part(const RotorState& state, const Command& command, con
   RotorState middle = state;
   middle.bank_left_rad = 0.5 * (state.bank_left_rad + next.bank_left_rad);
   middle.tilt_rad = 0.5 * (state.tilt_rad + next.tilt_rad);
-  const double thrust_n = 0.5 * (state.thrust_n + next.thrust_n);
+  const double advance = std::max(airspeed_mps, kAirspeedMin_mps) / p.tip_speed_mps;
+  const double gust_n = density * p.solidity * disc_area_m2() * p.tip_speed_mps *
+                        p.lift_slope_1prad * 2.0 * advance /
+                        (8.0 * advance + p.lift_slope_1prad * p.solidity) * updraft_mps;
+  const double thrust_n = 0.5 * (state.thrust_n + next.thrust_n) + gust_n;
   const Vector n = thrust_direction(middle);
   const double east = (thrust_n * n.x - drag_per_mps * air.x) / p.mass_kg;
   const double north = (thrust_n * n.y - drag_per_mps * air.y) / p.mass_kg;
@@ -289,7 +295,7 @@ RotorState RotorPlant::part(const RotorState& state, const Command& command, con
   next.x_m = state.x_m + 0.5 * step_s * (state.east_mps + next.east_mps);
   next.y_m = state.y_m + 0.5 * step_s * (state.north_mps + next.north_mps);
   next.altitude_m = state.altitude_m + 0.5 * step_s * (state.climb_rate_mps + next.climb_rate_mps);
-  const Vector after = air_velocity(next, wind);
+  const Vector after = air_velocity(next, wind, updraft_mps);
   if (after.x * after.x + after.y * after.y > kAirspeedMin_mps * kAirspeedMin_mps) {
     next.heading_math_rad = elementary::atan2(after.y, after.x);
   }

@@ -13,6 +13,7 @@ struct RotorParameters {
   double tip_speed_mps = 0.0;         // held by the governor
   double profile_drag = 0.0;          // mean coefficient of the blades, c_d0
   double profile_advance = 0.0;       // growth with the square of the advance ratio
+  double lift_slope_1prad = 0.0;      // of the blades, a_0
   double induced_factor = 0.0;        // kappa: induced power over that of a uniform inflow
   double flat_plate_m2 = 0.0;         // of the parasite drag
   double power_available_w = 0.0;     // of the engines, continuous
@@ -52,11 +53,7 @@ struct RotorPower {
 double induced_velocity_mps(double thrust_n, double disc_area_m2, double density_kgpm3,
                             double in_plane_mps, double axial_mps);
 
-/// Air over the ground, the same everywhere [m/s].
-struct Wind {
-  double east_mps = 0.0;  // grid east, towards
-  double north_mps = 0.0;
-};
+using flight::Wind;
 
 struct RotorState {
   double x_m = 0.0;
@@ -84,6 +81,11 @@ struct RotorState {
 ///     m dv/dt = T n - rho f |va| va / 2 - m g up,    va = v - wind
 ///     P = kappa T v_i + (sigma c_d0 / 8) rho A V_tip^3 (1 + k mu^2) + T (va . n)
 ///
+/// In air that rises by w_g, v_a is that much less upwards, and the blades lift more than the
+/// collective asked for, by blade elements with the momentum theory of forward flight:
+///
+///     dT = rho sigma A V_tip a_0 2 mu / (8 mu + a_0 sigma) w_g
+///
 /// n tilts forward by `tilt_rad` and sideways by the bank; f: flat plate, mu: advance ratio. The
 /// last term holds parasite and climb power. Thrust follows the collective with a lag, and the
 /// collective has a rate; it is held where P would exceed power_available_w power_share_of_rotor,
@@ -102,11 +104,13 @@ class RotorPlant {
                                    double heading_math_rad, double climb_rate_mps,
                                    const Wind& wind) const;
 
-  /// @param step_s  in (0, 0.2]; stepped in parts of at most 10 ms
+  /// @param step_s       in (0, 0.2]; stepped in parts of at most 10 ms
+  /// @param updraft_mps  w_g
   [[nodiscard]] RotorState step(const RotorState& state, const Command& command, const Wind& wind,
-                                double step_s) const;
+                                double step_s, double updraft_mps = 0.0) const;
 
-  [[nodiscard]] RotorPower power(const RotorState& state, const Wind& wind) const;
+  [[nodiscard]] RotorPower power(const RotorState& state, const Wind& wind,
+                                 double updraft_mps = 0.0) const;
   [[nodiscard]] double power_max_w() const {
     return parameters_.power_available_w * parameters_.power_share_of_rotor;
   }
@@ -115,7 +119,7 @@ class RotorPlant {
 
  private:
   [[nodiscard]] RotorState part(const RotorState& state, const Command& command, const Wind& wind,
-                                double step_s) const;
+                                double step_s, double updraft_mps) const;
 
   RotorParameters parameters_;
 };

@@ -150,14 +150,30 @@ void check_state(const flight::FlightState& s, const flight::Limits& limits,
   over("speed_min", -s.speed_mps, -limits.speed_min_mps * (1.0 - 2.0 * kRounding));
 }
 
-bool is_one_flight(const flight::FlightState& a, const flight::FlightState& b, double step_s) {
+// What the air feels of a state.
+flight::FlightState in_air(flight::FlightState state, const flight::Wind& wind) {
+  if (wind.is_calm()) {
+    return state;
+  }
+  const double azimuth_rad = velocity_azimuth_rad(state);
+  const double east_mps = state.speed_mps * std::sin(azimuth_rad) - wind.east_mps;
+  const double north_mps = state.speed_mps * std::cos(azimuth_rad) - wind.north_mps;
+  state.speed_mps = std::hypot(east_mps, north_mps);
+  state.heading_true_rad = std::atan2(east_mps, north_mps) + state.convergence_rad;
+  return state;
+}
+
+bool is_one_flight(const flight::FlightState& a, const flight::FlightState& b,
+                   const flight::Wind& wind, double step_s) {
+  const flight::FlightState air_a = in_air(a, wind);
+  const flight::FlightState air_b = in_air(b, wind);
   const double turn_radps =
       0.5 * kGravity_mps2 *
-      (std::tan(a.bank_rad) / a.speed_mps + std::tan(b.bank_rad) / b.speed_mps);
+      (std::tan(a.bank_rad) / air_a.speed_mps + std::tan(b.bank_rad) / air_b.speed_mps);
   const double speed_mps = std::hypot(b.x_m - a.x_m, b.y_m - a.y_m) / step_s;
   const double climb_mps = (b.altitude_m - a.altitude_m) / step_s;
   const double turned_radps =
-      std::remainder(velocity_azimuth_rad(b) - velocity_azimuth_rad(a), kTwoPi) / step_s;
+      std::remainder(velocity_azimuth_rad(air_b) - velocity_azimuth_rad(air_a), kTwoPi) / step_s;
   const double rolled_radps = (b.bank_rad - a.bank_rad) / step_s;
   return std::fabs(speed_mps - 0.5 * (a.speed_mps + b.speed_mps)) <= 0.5 &&
          std::fabs(climb_mps - 0.5 * (a.climb_rate_mps + b.climb_rate_mps)) <= 0.3 &&
@@ -250,7 +266,7 @@ BruteForceVerdict judge_by_brute_force(const map::Map& map, const flight::Trajec
     for (std::size_t i = first; i < last; ++i) {
       const flight::FlightState& a = states[i];
       const flight::FlightState& b = states[i + 1];
-      if (!is_one_flight(a, b, trajectory.step_s)) {
+      if (!is_one_flight(a, b, demands.wind, trajectory.step_s)) {
         broken.insert("kinematics");
       }
       const double chord_m = std::hypot(b.x_m - a.x_m, b.y_m - a.y_m);
@@ -282,7 +298,7 @@ BruteForceVerdict judge_by_brute_force(const map::Map& map, const flight::Trajec
     }
   }
   for (const flight::FlightState& state : states) {
-    check_state(state, limits, broken);
+    check_state(in_air(state, demands.wind), limits, broken);
   }
   const SampledDistances& least = verdict.distances;
   const auto under = [&](const char* name, double value, double demanded) {

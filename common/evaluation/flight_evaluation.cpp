@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
+#include <utility>
 
 #include "base/errors.hpp"
 
@@ -62,6 +63,9 @@ FlightOptions read_flight_options(ConfigReader& reader) {
   options.wind_mps = reader.required_double("wind_mps");
   reader.require(options.wind_mps >= 0.0 && options.wind_mps <= 30.0, "wind_mps",
                  "must lie in 0 to 30");
+  options.turbulence_wind_6m_mps = reader.required_double("turbulence_wind_6m_mps");
+  reader.require(options.turbulence_wind_6m_mps >= 0.0 && options.turbulence_wind_6m_mps <= 40.0,
+                 "turbulence_wind_6m_mps", "must lie in 0 to 40");
   const auto margin = [&](const char* key) {
     const double value = reader.required_double(key);
     reader.require(value > 0.0, key, "must be above 0");
@@ -110,6 +114,7 @@ FlightResult evaluate_flight(const map::Map& map, const planning::PlanningConfig
   }
   result.plans = static_cast<std::int64_t>(plans.size());
   result.wind_mps = options.wind_mps;
+  result.turbulence_wind_6m_mps = options.turbulence_wind_6m_mps;
   result.horizontal_margin_m = options.horizontal_margin_m;
   result.below_margin_m = options.below_margin_m;
   result.above_margin_m = options.above_margin_m;
@@ -124,24 +129,39 @@ FlightResult evaluate_flight(const map::Map& map, const planning::PlanningConfig
         {options.wind_mps * std::cos(angle_rad), options.wind_mps * std::sin(angle_rad)});
   }
 
+  std::vector<flight::Wind> planned_winds;
+  for (const flight::Plan& plan : plans) {
+    planned_winds.push_back(
+        planning::in_wind(config, map.crs_wkt, plan.route_plan.start.point()).vehicle.wind);
+  }
+
   const auto model = std::make_shared<const command_model::CommandModel>(config.vehicle);
   const auto rotor_plant = std::make_shared<const command_model::RotorPlant>(rotor);
   result.rotor_power_kw = 1e-3 * rotor_plant->power_max_w();
   result.is_held = true;
+  std::vector<std::pair<bool, bool>> airs = {{false, false}, {true, false}};
+  if (options.turbulence_wind_6m_mps > 0.0) {
+    airs.emplace_back(true, true);
+  }
   for (const bool is_rotor : {false, true}) {
     for (const bool has_feed_forward : {true, false}) {
-      for (const bool has_wind : {false, true}) {
+      for (const auto& [has_wind, has_turbulence] : airs) {
         const command_model::Plant plant =
             is_rotor ? command_model::Plant(rotor_plant) : command_model::Plant(model);
         FlightRow row;
         row.plant = is_rotor ? "rotor" : "closed_loop";
         row.has_feed_forward = has_feed_forward;
         row.has_wind = has_wind;
+        row.has_turbulence = has_turbulence;
         for (std::size_t i = 0; i < plans.size(); ++i) {
           observer.check_stop();
-          const command_model::PathFlight flight =
-              command_model::flown_path(plans[i].trajectory, plant, follower, has_feed_forward,
-                                        has_wind ? winds[i] : command_model::Wind{});
+          const flight::Wind& planned = planned_winds[i];
+          const flight::Wind wind = has_wind ? flight::Wind{planned.east_mps + winds[i].east_mps,
+                                                            planned.north_mps + winds[i].north_mps}
+                                             : planned;
+          const command_model::PathFlight flight = command_model::flown_path(
+              plans[i].trajectory, plant, follower, has_feed_forward, wind, planned,
+              {has_turbulence ? options.turbulence_wind_6m_mps : 0.0, seed + i});
           const command_model::PathRecord& record = flight.record();
           ++row.flights;
           row.arrived += flight.has_arrived() ? 1 : 0;
@@ -164,8 +184,10 @@ FlightResult evaluate_flight(const map::Map& map, const planning::PlanningConfig
         row.torque_margin_min = 1.0 - row.power_share_max;
         // NaN without a rotor
         const bool has_power = !(row.torque_margin_min < 0.0);
-        result.is_held =
-            result.is_held && row.within_margins == row.flights && (has_power || !has_feed_forward);
+        if (!has_turbulence) {
+          result.is_held = result.is_held && row.within_margins == row.flights &&
+                           (has_power || !has_feed_forward);
+        }
         result.rows.push_back(row);
       }
     }
@@ -180,6 +202,7 @@ std::string flight_result_json(const FlightResult& result) {
                {"problems", result.problems},
                {"plans", result.plans},
                {"wind_mps", result.wind_mps},
+               {"turbulence_wind_6m_mps", result.turbulence_wind_6m_mps},
                {"horizontal_margin_m", result.horizontal_margin_m},
                {"below_margin_m", result.below_margin_m},
                {"above_margin_m", result.above_margin_m},
@@ -190,6 +213,7 @@ std::string flight_result_json(const FlightResult& result) {
     json["rows"].push_back({{"plant", row.plant},
                             {"feed_forward", row.has_feed_forward},
                             {"wind", row.has_wind},
+                            {"turbulence", row.has_turbulence},
                             {"flights", row.flights},
                             {"arrived", row.arrived},
                             {"within_margins", row.within_margins},

@@ -29,10 +29,11 @@ BusOptions read_bus_options(ConfigReader& reader);
 struct FlightOptions {
   std::int64_t plans = 0;
   DrawingRules drawing;
-  double wind_mps = 0.0;             // from a drawn direction, another one for each plan
-  double horizontal_margin_m = 0.0;  // how far a flight may stray beside its path,
-  double below_margin_m = 0.0;       // below it,
-  double above_margin_m = 0.0;       // and above it, with feed-forward
+  double wind_mps = 0.0;                // from a drawn direction, another one for each plan
+  double turbulence_wind_6m_mps = 0.0;  // of command_model::Turbulence; 0: no rows with turbulence
+  double horizontal_margin_m = 0.0;     // how far a flight may stray beside its path,
+  double below_margin_m = 0.0;          // below it,
+  double above_margin_m = 0.0;          // and above it, with feed-forward
 };
 FlightOptions read_flight_options(ConfigReader& reader);
 
@@ -41,6 +42,7 @@ struct FlightRow {
   std::string plant;  // "closed_loop" or "rotor"
   bool has_feed_forward = false;
   bool has_wind = false;
+  bool has_turbulence = false;
   std::int64_t flights = 0;
   std::int64_t arrived = 0;
   std::int64_t within_margins = 0;  // and arrived
@@ -60,13 +62,14 @@ struct FlightResult {
   std::int64_t problems = 0;  // drawn for so many plans
   std::int64_t plans = 0;
   double wind_mps = 0.0;
+  double turbulence_wind_6m_mps = 0.0;
   double horizontal_margin_m = 0.0;
   double below_margin_m = 0.0;
   double above_margin_m = 0.0;
   double rotor_power_kw = 0.0;
   std::vector<FlightRow> rows;
-  // Every flight was within the margins, every one with feed-forward within the power that there
-  // is.
+  // Without turbulence: every flight was within the margins, every one with feed-forward within the
+  // power that there is.
   bool is_held = false;
 };
 /// JSON, schema_version first.
@@ -74,7 +77,8 @@ std::string flight_result_json(const FlightResult& result);
 
 /// Flies verified plans of drawn problems again: by the closed-loop model of the planner and by an
 /// independent rotor plant, with the path-following controllers of the service command_model, with
-/// and without the plan's states as feed-forward, with and without wind.
+/// and without the plan's states as feed-forward, with and without wind beside the one that they
+/// were made for, and by switch in turbulence too.
 ///
 /// @throws DataError    too few of the drawn problems have a verified plan.
 /// @throws Interrupted

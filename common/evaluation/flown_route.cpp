@@ -56,16 +56,18 @@ std::optional<RouteFlight> flight_of(std::variant<RouteFlight, flight::NoPlan> a
 
 }  // namespace
 
-std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningConfig& config,
+std::optional<RouteFlight> flown(const risk::CostModel& costs, const PlanningConfig& calm,
                                  const DrawnRoute& route, const Observer& observer) {
   CrowdObserver crowd(observer);
+  const PlanningConfig config = planning::in_wind(calm, costs.map().crs_wkt, route.start.point());
   return flight_of(planning::fly_route(costs, config, task_of(config, route), {}, crowd), observer);
 }
 
-std::optional<RouteFlight> flown(const planning::RouteGrounds& grounds,
-                                 const PlanningConfig& config, const DrawnRoute& route,
-                                 const Observer& observer) {
+std::optional<RouteFlight> flown(const planning::RouteGrounds& grounds, const PlanningConfig& calm,
+                                 const DrawnRoute& route, const Observer& observer) {
   CrowdObserver crowd(observer);
+  const PlanningConfig config =
+      planning::in_wind(calm, grounds.costs().map().crs_wkt, route.start.point());
   return flight_of(planning::fly_route(grounds, config, task_of(config, route), crowd), observer);
 }
 

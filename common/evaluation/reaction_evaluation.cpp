@@ -105,11 +105,14 @@ Drawn draw(const flight::Trajectory& plan, const ReactionEvaluationOptions& opti
   return drawn;
 }
 
-ReactionEvent event_of(const map::Map& map, const planning::PlanningConfig& config,
+ReactionEvent event_of(const map::Map& map, const planning::PlanningConfig& calm,
                        const planning::ReactionOptions& options, const flight::Trajectory& plan,
                        const Drawn& drawn, const std::function<double()>& clock_s) {
+  const planning::PlanningConfig config =
+      planning::in_wind(calm, map.crs_wkt, plan.states.front().point());
   const flight::FlightState& here = plan.states[drawn.step];
-  const planning::FlightUnderPlan flight{&plan, drawn.step, command_model::model_state_of(here),
+  const planning::FlightUnderPlan flight{&plan, drawn.step,
+                                         command_model::model_state_of(here, config.vehicle.wind),
                                          commanded_rad(here)};
   SilentObserver observer;
   ReactionEvent event;

@@ -62,7 +62,9 @@ PowerCurve read_power_curve(ConfigReader& reader) {
   return curve;
 }
 
-Conditions read_conditions(ConfigReader& reader) {
+namespace {
+
+Conditions read_conditions(ConfigReader& reader, bool has_wind) {
   Conditions conditions;
   conditions.is_power_used = reader.required_bool("use_power_curve");
   conditions.mass_kg = reader.required_double("mass_kg");
@@ -74,8 +76,24 @@ Conditions read_conditions(ConfigReader& reader) {
   conditions.power_reserve = reader.required_double("power_reserve");
   reader.require(conditions.power_reserve >= 0.0 && conditions.power_reserve < 1.0, "power_reserve",
                  "must lie between 0 and 1");
+  if (has_wind) {
+    conditions.wind_mps = reader.required_double("wind_mps");
+    reader.require(conditions.wind_mps >= 0.0 && conditions.wind_mps <= 30.0, "wind_mps",
+                   "must lie between 0 and 30");
+    conditions.wind_from_true_rad = reader.required_angle("wind_from_deg");
+    reader.require(std::fabs(conditions.wind_from_true_rad) <= 2.0 * std::numbers::pi,
+                   "wind_from_deg", "must lie between -360 and 360");
+  }
   reader.finish();
   return conditions;
+}
+
+}  // namespace
+
+Conditions read_conditions(ConfigReader& reader) { return read_conditions(reader, true); }
+
+Conditions read_recorded_conditions(ConfigReader& reader) {
+  return read_conditions(reader, reader.has("wind_mps"));
 }
 
 PowerLimits::PowerLimits(const PowerCurve& curve, const Conditions& conditions)

@@ -2,6 +2,7 @@
 
 #include "base/config_reader.hpp"
 #include "flight/vehicle.hpp"
+#include "flight/wind.hpp"
 
 namespace hedgehop::flight {
 
@@ -36,8 +37,17 @@ struct Conditions {
   double mass_kg = 0.0;          // 0: as the vehicle file says
   double isa_deviation_k = 0.0;  // of the air temperature
   double power_reserve = 0.0;    // share of the power available that is never planned with
+  double wind_mps = 0.0;
+  double wind_from_true_rad = 0.0;
+
+  /// In the grid of a place with this convergence.
+  [[nodiscard]] Wind wind(double convergence_rad) const {
+    return wind_from(wind_mps, wind_from_true_rad, convergence_rad);
+  }
 };
 Conditions read_conditions(ConfigReader& reader);
+/// The same of a plan of an earlier version, which may know no wind.
+Conditions read_recorded_conditions(ConfigReader& reader);
 
 /// Greatest vertical rates, both magnitudes; a negative climb rate is a sink that cannot be held.
 struct VerticalRates {

@@ -767,7 +767,12 @@ void BitStarSearch::open_label(LabelSearch& search, std::int32_t label) {
       here.before < 0 ? -1 : search.labels[static_cast<std::size_t>(here.before)].state;
   const std::vector<double>& ahead_m = search.target == kGoal ? to_goal_m_ : from_start_m_;
   for_each_neighbour(here.state, [&](int to, double length_m) {
-    if (to == before || (before >= 0 && !is_turn_allowed(before, here.state, to)) ||
+    if (to == before) {
+      return;
+    }
+    const bool is_backward = search.target == kStart;
+    if ((before >= 0 &&
+         !is_turn_allowed(is_backward ? to : before, here.state, is_backward ? before : to)) ||
         (here.state == kStart && !may_leave_start(to)) ||
         (to == kStart && !may_leave_start(here.state))) {
       return;

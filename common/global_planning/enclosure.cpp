@@ -7,6 +7,7 @@
 #include <numbers>
 #include <vector>
 
+#include "base/angles.hpp"
 #include "base/elementary.hpp"
 
 namespace hedgehop::global_planning {
@@ -102,15 +103,30 @@ std::array<std::vector<Step>, kSectors> steps_of(double step_m, double radius_m,
   return result;
 }
 
-// What a metre away from an end may be higher or lower than the end, at altitudes from `low_m` on.
+// What a metre away from an end may be higher or lower than the end.
 struct Ways {
   double rise, fall;
 };
-Ways ways_of(const SlopeLimits& slopes, double low_m, bool is_departure) {
-  const SlopeLimits::Tangents limit = slopes.at(low_m);
+Ways ways_of(const SlopeLimits::Tangents& limit, bool is_departure) {
   const double up = std::max(limit.up, 0.0);
   const double down = std::max(limit.down, 0.0);
   return is_departure ? Ways{up, down} : Ways{down, up};
+}
+
+// The same by sector of heading away from the end, at altitudes from `low_m` on. Legs that a step
+// belongs to lie within `spread_rad` of its sector.
+std::array<Ways, kSectors> ways_by_sector(const SlopeLimits& slopes, double low_m,
+                                          double spread_rad, bool is_departure) {
+  const double upwind_rad = elementary::atan2(-slopes.wind().north_mps, -slopes.wind().east_mps);
+  std::array<Ways, kSectors> result{};
+  for (int sector = 0; sector < kSectors; ++sector) {
+    const double flown_rad = sector * kSector_rad + (is_departure ? 0.0 : std::numbers::pi);
+    const double off_rad = std::fabs(wrap_to_pi(flown_rad - upwind_rad));
+    const double nearest_rad = upwind_rad + std::max(0.0, off_rad - 0.5 * kSector_rad - spread_rad);
+    result[static_cast<std::size_t>(sector)] = ways_of(
+        slopes.at(low_m, elementary::cos(nearest_rad), elementary::sin(nearest_rad)), is_departure);
+  }
+  return result;
 }
 
 // Squares of which a patch is made where an end is looked at from near.
@@ -122,7 +138,7 @@ constexpr double kHollowReach = 0.9;
 std::optional<Enclosure> prove_hollow(const FlightEnvelope& envelope, const GlobalOptions& options,
                                       const flight::Waypoint& end, const flight::Waypoint& other,
                                       bool is_departure) {
-  const double radius_m = options.turn_radius_m;
+  const double radius_m = options.turns().least_m();
   const double reach_m = kHollowReach * radius_m;
   const double to_other_x_m = other.x_m - end.x_m;
   const double to_other_y_m = other.y_m - end.y_m;
@@ -134,11 +150,10 @@ std::optional<Enclosure> prove_hollow(const FlightEnvelope& envelope, const Glob
   // No leg from here ends lower than this, so none is steeper than slopes allow there.
   const SlopeLimits slopes = options.slopes();
   const double flown_max_m = radius_m * elementary::asin(kHollowReach) + kRounding;
-  const Ways ways =
-      ways_of(slopes,
-              end.altitude_m - std::max(slopes.greatest().up, slopes.greatest().down) *
-                                   (1.0 + kRounding) * flown_max_m,
-              is_departure);
+  const Ways ways = ways_of(
+      slopes.at_most(end.altitude_m - std::max(slopes.greatest().up, slopes.greatest().down) *
+                                          (1.0 + kRounding) * flown_max_m),
+      is_departure);
   // Squares count from the one that holds the end.
   const double end_column = (end.x_m - cells.west_m - 0.5 * cells.cell_m) / part_m;
   const double end_row = (end.y_m - cells.south_m - 0.5 * cells.cell_m) / part_m;
@@ -225,9 +240,10 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
   }
   const GridGeometry& cells = envelope.geometry();
   const double cell_m = cells.cell_m;
+  const TurnLimit turns = options.turns();
   const double aside_m =
-      options.turn_radius_m * (1.0 / elementary::cos(half_turn_rad) - 1.0) + kRounding;
-  const double step_m = kStepTurn_rad * options.turn_radius_m;
+      turns.greatest_m() * (1.0 / elementary::cos(half_turn_rad) - 1.0) + kRounding;
+  const double step_m = kStepTurn_rad * turns.least_m();
 
   // The patches between cell centres around the end, with the bands of all patches within aside_m.
   const int reach = static_cast<int>(std::ceil((reach_max_m + step_m) / cell_m)) + 1;
@@ -279,12 +295,12 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
   for (const AltitudeBand& band : bands) {
     lowest_m = std::min(lowest_m, band.low_m);
   }
-  const Ways ways = ways_of(options.slopes(), lowest_m, is_departure);
+  // Each point of the curve belongs to a leg whose course is at most half a turn off its heading.
+  const auto ways =
+      ways_by_sector(options.slopes(), lowest_m, kStepTurn_rad + half_turn_rad, is_departure);
   const double along_m = step_m * elementary::tan(half_turn_rad) / half_turn_rad;
-  const double rise_m = ways.rise * along_m + kRounding;
-  const double fall_m = ways.fall * along_m + kRounding;
 
-  const auto steps = steps_of(step_m, options.turn_radius_m, cell_m);
+  const auto steps = steps_of(step_m, turns.least_m(), cell_m);
   struct Interval {
     float low_m = std::numeric_limits<float>::infinity();
     float high_m = -std::numeric_limits<float>::infinity();
@@ -355,6 +371,9 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
       const int row = static_cast<int>(state / kSectors) / side;
       const Interval here = reached[state];
       const auto& onwards = steps[static_cast<std::size_t>(sector)];
+      const Ways& way = ways[static_cast<std::size_t>(sector)];
+      const double low_m = static_cast<double>(here.low_m) - (way.fall * along_m + kRounding);
+      const double high_m = static_cast<double>(here.high_m) + (way.rise * along_m + kRounding);
       work += static_cast<std::int64_t>(onwards.size());
       if (work > work_max) {
         return std::nullopt;
@@ -365,8 +384,7 @@ std::optional<Enclosure> prove_enclosed(const FlightEnvelope& envelope,
         if (to_column < 0 || to_column >= side || to_row < 0 || to_row >= side) {
           return std::nullopt;
         }
-        if (!reach_state(to_column, to_row, step.sector, static_cast<double>(here.low_m) - fall_m,
-                         static_cast<double>(here.high_m) + rise_m)) {
+        if (!reach_state(to_column, to_row, step.sector, low_m, high_m)) {
           return std::nullopt;
         }
       }

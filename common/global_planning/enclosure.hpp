@@ -18,7 +18,8 @@ struct Enclosure {
 /// Tries to prove that slope limits, turn limit and height envelope together hold every route that
 /// ends at `end`, or begins there if that is the envelope's start, near it. nullopt when that is
 /// not proved, and without a turn radius, as then a route may zigzag on the spot. The slopes are
-/// those of `options`, at the lowest altitude that comes into question.
+/// those of `options`, at the lowest altitude that comes into question; in wind, for each sector of
+/// headings the steepest of the courses that it may belong to, and the least radius of all turns.
 ///
 /// Turn radius R and half legs that hold the tangents of every corner (FlightEnvelope::
 /// is_turn_allowed) mean that a route, its corners rounded, is a curve of curvature 1 / R at most.

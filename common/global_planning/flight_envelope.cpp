@@ -99,7 +99,7 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
       final_check_step_m_(options.final_check_step_m),
       slopes_(options.slopes()),
       turn_cosine_min_(elementary::cos(options.turn_angle_max_rad)),
-      turn_radius_m_(options.turn_radius_m),
+      turns_(options.turns()),
       funnel_m_(options.end_funnel_m),
       start_(start),
       goal_(goal) {
@@ -451,8 +451,11 @@ bool FlightEnvelope::is_climb_allowed(const flight::Waypoint& a, const flight::W
     return square_m2 > 0.0 && dz_m * dz_m <= tangent * tangent * square_m2;
   }
   const double length_m = std::sqrt(square_m2);
-  const SlopeLimits::Tangents limit = slopes_.at(std::max(a.altitude_m, b.altitude_m));
-  return square_m2 > 0.0 && dz_m <= limit.up * length_m && -dz_m <= limit.down * length_m;
+  if (!(square_m2 > 0.0)) {
+    return false;
+  }
+  const SlopeLimits::Tangents limit = slopes_.at(std::max(a.altitude_m, b.altitude_m), dx_m, dy_m);
+  return dz_m <= limit.up * length_m && -dz_m <= limit.down * length_m;
 }
 
 double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const {
@@ -636,12 +639,12 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
     } else if (rules.is_backward) {
       // Before the highest altitude the flight was up to so much higher, before the lowest lower.
       const double high_m = result.altitudes.high_m + slopes_.greatest().down * way_m;
-      rise_m = slopes_.at(high_m).down * way_m;
-      fall_m = slopes_.at(result.altitudes.low_m).up * way_m;
+      rise_m = slopes_.at(high_m, -dx_m, -dy_m).down * way_m;
+      fall_m = slopes_.at(result.altitudes.low_m, -dx_m, -dy_m).up * way_m;
     } else {
       const double high_m = result.altitudes.high_m + slopes_.greatest().up * way_m;
-      rise_m = slopes_.at(high_m).up * way_m;
-      fall_m = slopes_.at(result.altitudes.low_m).down * way_m;
+      rise_m = slopes_.at(high_m, dx_m, dy_m).up * way_m;
+      fall_m = slopes_.at(result.altitudes.low_m, dx_m, dy_m).down * way_m;
     }
     const Sample here = sample(point.x_m, point.y_m);
     const double margin_m = rules.margin_m * spare_share(point);
@@ -766,11 +769,12 @@ bool FlightEnvelope::is_turn_allowed(double first_x_m, double first_y_m, double 
   if (!(cosine >= turn_cosine_min_)) {
     return false;
   }
-  if (!(turn_radius_m_ > 0.0)) {
+  const double radius_m = turns_.radius_m(first_x_m, first_y_m, second_x_m, second_y_m);
+  if (!(radius_m > 0.0)) {
     return true;
   }
   // tan^2(turn / 2) = (1 - cos) / (1 + cos)
-  return turn_radius_m_ * turn_radius_m_ * std::max(1.0 - cosine, 0.0) <=
+  return radius_m * radius_m * std::max(1.0 - cosine, 0.0) <=
          0.25 * std::min(first_m2, second_m2) * (1.0 + cosine);
 }
 

@@ -149,8 +149,8 @@ class FlightEnvelope {
   [[nodiscard]] bool is_clear(const flight::Waypoint& a, const flight::Waypoint& b) const;
 
   /// Whether a corner between two legs, given by their horizontal vectors, may be flown: the turn
-  /// is at most turn_angle_max and, if turn_radius_m > 0, the tangents of the arc with that radius
-  /// fit into half of each leg: turn_radius_m tan(turn / 2) <= min(|first|, |second|) / 2.
+  /// is at most turn_angle_max and, if turn_radius_m > 0, the tangents of the arc with the radius
+  /// R of turns() fit into half of each leg: R tan(turn / 2) <= min(|first|, |second|) / 2.
   [[nodiscard]] bool is_turn_allowed(double first_x_m, double first_y_m, double second_x_m,
                                      double second_y_m) const;
 
@@ -229,7 +229,7 @@ class FlightEnvelope {
   double final_check_step_m_;
   SlopeLimits slopes_;
   double turn_cosine_min_;
-  double turn_radius_m_;
+  TurnLimit turns_;
   double funnel_m_;
   flight::Waypoint start_;
   flight::Waypoint goal_;

@@ -119,6 +119,20 @@ std::string degrees_text(double tangent) {
   return text_of(degrees_from_radians(elementary::atan(tangent)));
 }
 
+// What the wind makes of a climb.
+std::string in_wind_text(double tangent, const GlobalOptions& options) {
+  const double wind_mps = options.wind.speed_mps();
+  if (options.wind.is_calm()) {
+    return "";
+  }
+  const double speed_mps = options.airspeed_mps;
+  return " through the air, which at " + text_of(speed_mps) + " m/s in a wind of " +
+         text_of(wind_mps) + " m/s are " +
+         degrees_text(tangent * speed_mps / (speed_mps - wind_mps)) +
+         " degrees over the ground against the wind and " +
+         degrees_text(tangent * speed_mps / (speed_mps + wind_mps)) + " with it,";
+}
+
 // Why a search found nothing, if climb and turn limits hold every route near one end.
 std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
                                         const GlobalOptions& options) {
@@ -132,7 +146,8 @@ std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
     if (!enclosure) {
       continue;
     }
-    const SlopeLimits::Tangents here = options.slopes().at(end.altitude_m);
+    const SlopeLimits slopes = options.slopes();
+    const SlopeLimits::Tangents here = slopes.in_wind({}, 0.0).at_most(end.altitude_m);
     GlobalOptions steeper = options;
     steeper.vehicle_slopes = nullptr;
     double needed_rad = elementary::atan(std::max(here.up, here.down));
@@ -149,18 +164,20 @@ std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
         degrees_text(here.up) +
         (here.up == here.down
              ? " degrees"
-             : " and descents of at most " + degrees_text(here.down) + " degrees at its altitude");
+             : " and descents of at most " + degrees_text(here.down) + " degrees at its altitude") +
+        in_wind_text(here.up, options);
     return NoPlan{
         NoPlanCause::kClimbLimit, end.point(),
         std::string("no route ") + (is_goal ? "reaches the goal" : "leaves the start") +
             ": with climbs of at most " + limits + " and turns of at least " +
-            text_of(options.turn_radius_m) + " m radius between " +
+            text_of(options.turns().least_m()) + " m radius between " +
             text_of(options.envelope_floor_m) + " and " + text_of(options.envelope_ceiling_m) +
             " m above this steep ground, nothing gets farther than " + text_of(enclosure->reach_m) +
             " m from it; it would take more than " + text_of(degrees_from_radians(needed_rad)) +
-            " degrees. Choose another " + (is_goal ? "goal" : "start") +
+            (slopes.wind().is_calm() ? " degrees" : " degrees through the air") +
+            ". Choose another " + (is_goal ? "goal" : "start") +
             ", raise global.envelope_ceiling_m, or fly slower" +
-            (options.vehicle_slopes != nullptr ? " or lighter" : "")};
+            (slopes.has_table() ? " or lighter" : "")};
   }
   return std::nullopt;
 }
@@ -168,9 +185,11 @@ std::optional<NoPlan> prove_climb_limit(const FlightEnvelope& envelope,
 }  // namespace
 
 SlopeLimits GlobalOptions::slopes() const {
-  return vehicle_slopes != nullptr ? *vehicle_slopes
-                                   : SlopeLimits(elementary::tan(climb_angle_max_rad),
-                                                 elementary::tan(descent_angle_max_rad));
+  const SlopeLimits in_air = vehicle_slopes != nullptr
+                                 ? *vehicle_slopes
+                                 : SlopeLimits(elementary::tan(climb_angle_max_rad),
+                                               elementary::tan(descent_angle_max_rad));
+  return in_air.in_wind(wind, airspeed_mps);
 }
 
 GlobalOptions read_global_options(ConfigReader& reader) {

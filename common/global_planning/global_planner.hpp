@@ -13,6 +13,7 @@
 #include "flight/route.hpp"
 #include "flight/vehicle.hpp"
 #include "global_planning/slope_limits.hpp"
+#include "global_planning/turn_limit.hpp"
 #include "risk/cost_model.hpp"
 
 namespace hedgehop::global_planning {
@@ -52,9 +53,15 @@ struct GlobalOptions {
   std::int64_t work_budget = 0;  // legs evaluated plus states drawn; ten legs of refine() are one
   /// Not of the section: what the vehicle admits beside the angles; null: nothing else.
   std::shared_ptr<const SlopeLimits> vehicle_slopes = nullptr;
+  /// Nor are these: a wind and the airspeed that is flown in it. The angles and the radius above
+  /// are those of still air.
+  flight::Wind wind = {};
+  double airspeed_mps = 0.0;
 
-  /// Of the angles, or vehicle_slopes, which include them.
+  /// Of the angles, or vehicle_slopes, which include them, in the wind.
   [[nodiscard]] SlopeLimits slopes() const;
+  /// Of turn_radius_m, in the wind.
+  [[nodiscard]] TurnLimit turns() const { return {turn_radius_m, wind, airspeed_mps}; }
 };
 GlobalOptions read_global_options(ConfigReader& reader);
 

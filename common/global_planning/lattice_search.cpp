@@ -71,14 +71,21 @@ class Search {
     const double turn_tangent = elementary::tan(0.5 * kTurnMax_rad);
     spacing_m_ = std::max(options.turn_radius_m * turn_tangent * 1.001, 2.0 * geometry.cell_m);
     // Legs beside a corner hold the tangents of its arc.
-    const double unit_m = 2.0 * options.turn_radius_m * turn_tangent;
-    const double knight_m = 2.0 * options.turn_radius_m *
-                            elementary::tan(0.5 * (0.25 * std::numbers::pi - kTurnMax_rad));
+    const double unit_tangent = 2.0 * turn_tangent;
+    const double knight_tangent =
+        2.0 * elementary::tan(0.5 * (0.25 * std::numbers::pi - kTurnMax_rad));
+    const TurnLimit turns = options.turns();
     for (int d = 0; d < kLatticeDirections; ++d) {
       const auto& step = kLatticeStep[static_cast<std::size_t>(d)];
       const double length_m =
           spacing_m_ * std::sqrt(static_cast<double>(step[0] * step[0] + step[1] * step[1]));
-      const double needed_m = d % 4 == 2 ? knight_m : unit_m;
+      const auto radius_beside_m = [&](int turned) {
+        const auto& other = kLatticeStep[static_cast<std::size_t>((d + turned) & 15)];
+        const double way = is_backward ? -1.0 : 1.0;
+        return turns.radius_m(way * step[0], way * step[1], way * other[0], way * other[1]);
+      };
+      const double radius_m = std::max(radius_beside_m(1), radius_beside_m(kLatticeDirections - 1));
+      const double needed_m = radius_m * (d % 4 == 2 ? knight_tangent : unit_tangent);
       repeats_[static_cast<std::size_t>(d)] =
           std::max(1, static_cast<int>(std::ceil(needed_m / length_m)));
     }
@@ -137,6 +144,12 @@ class Search {
 
   [[nodiscard]] geo::MapPoint place(int column, int row) const {
     return {from_.x_m + (column - west_) * spacing_m_, from_.y_m + (row - south_) * spacing_m_};
+  }
+
+  // Between the run so far and the next one, as it is flown.
+  [[nodiscard]] bool is_turn_allowed(const Label& from, double x_m, double y_m) const {
+    return is_backward_ ? envelope_.is_turn_allowed(-x_m, -y_m, -from.run_x_m, -from.run_y_m)
+                        : envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, x_m, y_m);
   }
 
   FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b, const Label& from,
@@ -222,7 +235,7 @@ class Search {
       run_x_m += from.run_x_m;
       run_y_m += from.run_y_m;
     } else if (from.before >= 0) {
-      if (!envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, run_x_m, run_y_m)) {
+      if (!is_turn_allowed(from, run_x_m, run_y_m)) {
         return;
       }
     } else if (!is_backward_ && !envelope_.may_leave_start(run_x_m, run_y_m)) {
@@ -284,7 +297,7 @@ class Search {
     const double dx_m = b.x_m - a.x_m;
     const double dy_m = b.y_m - a.y_m;
     if (dx_m * dx_m + dy_m * dy_m > kEndLegMax_m * kEndLegMax_m || (dx_m == 0.0 && dy_m == 0.0) ||
-        (index > 0 && !envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, dx_m, dy_m)) ||
+        (index > 0 && !is_turn_allowed(from, dx_m, dy_m)) ||
         (is_backward_ && !envelope_.may_leave_start(-dx_m, -dy_m)) ||
         (!is_backward_ && index == 0 && !envelope_.may_leave_start(dx_m, dy_m))) {
       return;

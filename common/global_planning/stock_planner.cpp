@@ -169,7 +169,8 @@ class DubinsFrame final : public Frame {
     const double plan_m = curve.length_m();
     const Waypoint a = waypoint(from);
     const double dz_m = waypoint(to).altitude_m - a.altitude_m;
-    const SlopeLimits::Tangents limit = slopes_.at(std::max(a.altitude_m, a.altitude_m + dz_m));
+    const SlopeLimits::Tangents limit =
+        slopes_.at_most(std::max(a.altitude_m, a.altitude_m + dz_m));
     constexpr double kShare = 1.0 - kChordSpare;
     if (!(plan_m > 0.0) || dz_m > limit.up * kShare * plan_m ||
         -dz_m > limit.down * kShare * plan_m) {

@@ -87,6 +87,11 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
   // A hair less than the limit, so that rounding does not exceed it.
   const SlopeLimits& slopes = envelope.slopes();
   constexpr double kShare = 1.0 - 1e-9;
+  // Between the sample before and this one.
+  const auto limit_before = [&](std::size_t i, double altitude_m) {
+    return slopes.at(altitude_m, samples[i].point.x_m - samples[i - 1].point.x_m,
+                     samples[i].point.y_m - samples[i - 1].point.y_m);
+  };
   for (std::size_t i = 0; i <= last; ++i) {
     if (!samples[i].band.is_flyable()) {
       return {};
@@ -108,12 +113,12 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
     altitude_m[last] = goal_m;
     for (std::size_t i = 1; i <= last; ++i) {
       altitude_m[i] = std::max(
-          altitude_m[i], altitude_m[i - 1] - slopes.at(altitude_m[i - 1]).down * kShare *
+          altitude_m[i], altitude_m[i - 1] - limit_before(i, altitude_m[i - 1]).down * kShare *
                                                  (samples[i].along_m - samples[i - 1].along_m));
     }
     for (std::size_t i = last; i-- > 0;) {
       altitude_m[i] = std::max(
-          altitude_m[i], altitude_m[i + 1] - slopes.at(altitude_m[i + 1]).up * kShare *
+          altitude_m[i], altitude_m[i + 1] - limit_before(i + 1, altitude_m[i + 1]).up * kShare *
                                                  (samples[i + 1].along_m - samples[i].along_m));
     }
     constexpr double kRounding_m = 1e-6;

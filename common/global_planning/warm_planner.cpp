@@ -287,7 +287,9 @@ std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start) const {
   }
   low.push_back(goal);
   const auto raise = [&](Waypoint& point, const Waypoint& beside, bool is_beside_ahead) {
-    const SlopeLimits::Tangents limit = envelope_.slopes().at(beside.altitude_m);
+    const double way = is_beside_ahead ? 1.0 : -1.0;
+    const SlopeLimits::Tangents limit = envelope_.slopes().at(
+        beside.altitude_m, way * (beside.x_m - point.x_m), way * (beside.y_m - point.y_m));
     const double tangent = kClimbShare * (is_beside_ahead ? limit.up : limit.down);
     point.altitude_m =
         std::max(point.altitude_m,

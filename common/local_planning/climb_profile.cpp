@@ -17,7 +17,7 @@ constexpr double kSpacing_m = 10.0;
 ClimbForecast::ClimbForecast(const Surroundings& surroundings, const Guide& guide,
                              const command_model::CommandModel& model, double look_ahead_m,
                              double safety_height_m, const ProfileOptions& options,
-                             const StepKernels& kernels)
+                             double speed_mps, const StepKernels& kernels)
     : surroundings_(&surroundings),
       guide_(&guide),
       model_(&model),
@@ -26,6 +26,12 @@ ClimbForecast::ClimbForecast(const Surroundings& surroundings, const Guide& guid
       options_(options),
       kernels_(kernels),
       turn_max_(elementary::tan(model.bank_command_max_rad())) {
+  const flight::Wind& wind = model.vehicle().wind;
+  const auto crab_rad = [&](double course_rad) {
+    return wind.is_calm() ? 0.0
+                          : wrap_to_pi(flight::heading_for_course_rad(wind, speed_mps, course_rad) -
+                                       course_rad);
+  };
   double bearing_rad = guide.heading_math_rad(0.0);
   const int count = static_cast<int>(guide.length_m() / kSpacing_m) + 2;
   for (int i = 0; i < count; ++i) {
@@ -37,7 +43,7 @@ ClimbForecast::ClimbForecast(const Surroundings& surroundings, const Guide& guid
     if (dx_m * dx_m + dy_m * dy_m > kNearTarget_m * kNearTarget_m) {
       bearing_rad += wrap_to_pi(elementary::atan2(dy_m, dx_m) - bearing_rad);
     }
-    guide_table_.push_back(static_cast<float>(bearing_rad));
+    guide_table_.push_back(static_cast<float>(bearing_rad + crab_rad(bearing_rad)));
     guide_table_.push_back(static_cast<float>(here.altitude_m));
   }
 }
@@ -50,6 +56,22 @@ ClimbAhead ClimbForecast::ahead(const command_model::ModelState& state,
       task(state, trigonometry, along_m, commanded_heading_math_rad, goal_math_rad);
   kernels_.forecast(question, scratch_);
   return answer(question, state);
+}
+
+double ClimbForecast::ground_speed_mps(const command_model::ModelState& state,
+                                       double along_m) const {
+  const flight::Wind& wind = model_->vehicle().wind;
+  if (wind.is_calm()) {
+    return state.speed_mps;
+  }
+  const flight::Waypoint target = guide_->at(along_m + look_ahead_m_);
+  const double dx_m = target.x_m - state.x_m;
+  const double dy_m = target.y_m - state.y_m;
+  const double target_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
+  if (!(target_m > 0.0)) {
+    return state.speed_mps;
+  }
+  return flight::ground_speed_mps(wind, state.speed_mps, dx_m / target_m, dy_m / target_m);
 }
 
 ClimbAhead ClimbForecast::answer(const ForecastTask& task,
@@ -67,6 +89,8 @@ ForecastTask ClimbForecast::task(const command_model::ModelState& state,
   const command_model::ModelParameters& constants = model_->vehicle().model;
   const double speed_mps = state.speed_mps;
   const double step_m = speed_mps * options_.sample_s;
+  const double ground_step_m = ground_speed_mps(state, along_m) * options_.sample_s;
+  const flight::Wind& wind = model_->vehicle().wind;
   const raster::GridGeometry& geometry = surroundings_->geometry();
   const auto single = [](double value) { return static_cast<float>(value); };
 
@@ -87,12 +111,12 @@ ForecastTask ClimbForecast::task(const command_model::ModelState& state,
   task.guide = guide_table_.data();
   task.table_count = static_cast<int>(count);
   task.from_in_table = single(in_table);
-  task.step_in_table = single(step_m / kSpacing_m);
+  task.step_in_table = single(ground_step_m / kSpacing_m);
   task.end_in_table = single(guide_->length_m() / kSpacing_m);
   task.wanted_rad = single(wrap_to_pi(commanded_heading_math_rad - state.heading_math_rad));
   task.bearing_now_rad = single(bearing_rad);
   task.beside_rad = is_far ? single(wrap_to_pi(goal_math_rad - bearing_rad)) : 0.0F;
-  task.fading = single(look_ahead_m_ / (look_ahead_m_ + step_m));
+  task.fading = single(look_ahead_m_ / (look_ahead_m_ + ground_step_m));
   task.sample_s = single(options_.sample_s);
   task.gain = single(constants.heading_gain_1ps / (1.0 + constants.heading_rate_damping));
   task.turn_max_radps = single(kGravity_mps2 * turn_max_ / speed_mps);
@@ -108,6 +132,8 @@ ForecastTask ClimbForecast::task(const command_model::ModelState& state,
   task.part_of_row = single(row - task.row);
   task.east_cells = single(step_m * trigonometry.cos_heading / geometry.cell_m);
   task.north_cells = single(step_m * trigonometry.sin_heading / geometry.cell_m);
+  task.drift_east_cells = single(wind.east_mps * options_.sample_s / geometry.cell_m);
+  task.drift_north_cells = single(wind.north_mps * options_.sample_s / geometry.cell_m);
   task.columns = geometry.columns;
   task.rows = geometry.rows;
   task.dilated_m = surroundings_->dilated_layer_m().row(0);

@@ -40,20 +40,24 @@ struct ClimbAhead {
 ///
 /// and the greatest of all places counts. Where N <= h' t the rate N / t is enough.
 ///
-/// h' present climb rate, a = acceleration_share of the limit, t_r = response_s.
+/// h' present climb rate, a = acceleration_share of the limit, t_r = response_s. In wind the path
+/// drifts, and the guide's directions are the headings that make them good.
 ///
 /// N is the greatest surface within the safety disc plus the safety height, or the guide's altitude
 /// less the allowance, whichever is higher. Unknown terrain asks for nothing. Single precision.
 class ClimbForecast {
  public:
   /// Holds references to all but the options. The guide is written down every 10 m.
+  ///
+  /// @param speed_mps  airspeed that is flown at mostly
   ClimbForecast(const Surroundings& surroundings, const Guide& guide,
                 const command_model::CommandModel& model, double look_ahead_m,
-                double safety_height_m, const ProfileOptions& options, const StepKernels& kernels);
+                double safety_height_m, const ProfileOptions& options, double speed_mps,
+                const StepKernels& kernels);
 
   /// @param trigonometry   of the state
   /// @param along_m        where the state is along the guide
-  /// @param goal_math_rad  direction from the state to the guide's target
+  /// @param goal_math_rad  heading from the state to the guide's target
   ClimbAhead ahead(const command_model::ModelState& state,
                    const command_model::StateTrigonometry& trigonometry, double along_m,
                    double commanded_heading_math_rad, double goal_math_rad);
@@ -63,6 +67,9 @@ class ClimbForecast {
                                   const command_model::StateTrigonometry& trigonometry,
                                   double along_m, double commanded_heading_math_rad,
                                   double goal_math_rad) const;
+  /// Towards the guide's target.
+  [[nodiscard]] double ground_speed_mps(const command_model::ModelState& state,
+                                        double along_m) const;
   /// What its answer means.
   [[nodiscard]] ClimbAhead answer(const ForecastTask& task,
                                   const command_model::ModelState& state) const;

@@ -45,7 +45,7 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
   memory_.before_rad = initial.heading_math_rad;
   if (options.mode == LocalMode::kRollout) {
     rollout_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
-                     options.climb_ahead, options.rollout, options.weights, kernel);
+                     options.climb_ahead, options.rollout, options.weights, speed_mps, kernel);
   } else if (kernel == Kernel::kPlain) {
     plain_.emplace(surroundings, histogram_options);
   } else {
@@ -53,7 +53,7 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
   }
   if (options.mode != LocalMode::kRollout && options.climb_ahead.is_used) {
     forecast_.emplace(surroundings, guide, model, options.look_ahead_m, options.safety_height_m,
-                      options.climb_ahead, step_kernels(kernel));
+                      options.climb_ahead, speed_mps, step_kernels(kernel));
   }
   memory_.heading.reset(initial.heading_math_rad);
   memory_.climb.reset(initial.climb_rate_mps / initial.speed_mps);
@@ -65,9 +65,25 @@ double Decider::climb_rate_max_mps(const ModelState& state) const {
                   kLeast_mps);
 }
 
+GroundMotion Decider::motion_of(const ModelState& state,
+                                const StateTrigonometry& trigonometry) const {
+  if (wind().is_calm()) {
+    return {state.heading_math_rad, trigonometry.cos_heading, trigonometry.sin_heading,
+            state.speed_mps, 1.0};
+  }
+  const double east_mps = state.speed_mps * trigonometry.cos_heading + wind().east_mps;
+  const double north_mps = state.speed_mps * trigonometry.sin_heading + wind().north_mps;
+  const double speed_mps = distance_m(east_mps, north_mps);
+  const double cosine = east_mps / speed_mps;
+  const double sine = north_mps / speed_mps;
+  return {elementary::atan2(north_mps, east_mps), cosine, sine, speed_mps,
+          cosine * trigonometry.cos_heading + sine * trigonometry.sin_heading};
+}
+
 FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trigonometry) {
   const geo::MapPoint place{state.x_m, state.y_m};
   const double speed_mps = state.speed_mps;
+  const GroundMotion motion = motion_of(state, trigonometry);
   memory_.along_m = guide_.project(place, memory_.along_m - options_.projection_back_m,
                                    memory_.along_m + options_.projection_ahead_m, memory_.along_m);
   const flight::Waypoint target = guide_.at(memory_.along_m + options_.look_ahead_m);
@@ -77,18 +93,24 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   const double climb_max_mps = climb_rate_max_mps(state);
   const double limit_tangent = climb_max_mps / speed_mps;
   const double tangent_max = options_.climb_share * limit_tangent;
+  const double tangent_min = tangent_min_ * (motion.speed_mps / speed_mps);
 
   DirectionQuestion question;
-  question.heading_math_rad = state.heading_math_rad;
-  const double turn_radius_m = speed_mps * speed_mps / (kGravity_mps2 * turn_max_);
+  question.heading_math_rad = motion.course_math_rad;
+  const double turn_radius_m =
+      motion.speed_mps * motion.speed_mps / (kGravity_mps2 * turn_max_ * motion.cos_crab);
   const double target_math_rad =
-      target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : state.heading_math_rad;
-  question.goal_math_rad =
-      is_going_around(state, trigonometry, turn_radius_m) ? memory_.outbound_rad : target_math_rad;
+      target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : motion.course_math_rad;
+  question.goal_math_rad = is_going_around(state, motion) ? memory_.outbound_rad : target_math_rad;
+  const double target_speed_mps =
+      target_m > 0.0 ? flight::ground_speed_mps(wind(), speed_mps, target_dx_m / target_m,
+                                                target_dy_m / target_m)
+                     : motion.speed_mps;
   question.goal_tangent =
-      std::clamp((target.altitude_m - state.altitude_m) / std::max(target_m, kGoalDistanceMin_m),
-                 tangent_min_, tangent_max);
-  question.tangent_min = tangent_min_;
+      std::clamp((target.altitude_m - state.altitude_m) / std::max(target_m, kGoalDistanceMin_m) *
+                     (target_speed_mps / speed_mps),
+                 tangent_min, tangent_max);
+  question.tangent_min = tangent_min;
   question.tangent_max = tangent_max;
   const flight::Waypoint nearest = guide_.at(memory_.along_m);
   const double offset =
@@ -110,14 +132,15 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   step.command.speed_mps = speed_mps_;
   const Judgement judgement =
       rollout_ ? judge_by_rollout(state, trigonometry, question, target_math_rad, reach_m, step)
-               : judge_by_histogram(state, trigonometry, question, target_math_rad, turn_radius_m,
-                                    reach_m, step);
+               : judge_by_histogram(state, trigonometry, question, motion, target_math_rad,
+                                    turn_radius_m, reach_m, step);
   step.command.heading_math_rad =
       heading_.limited_rad(memory_.commanded_rad, step.command.heading_math_rad, options_.step_s);
   memory_.commanded_rad = step.command.heading_math_rad;
   memory_.before_rad = step.target_heading_math_rad;
   chosen_rad_ = step.target_heading_math_rad;
-  double needed = std::max(judgement.needed, tangent_min_);
+  airspeed_mps_ = speed_mps;
+  double needed = std::max(judgement.needed, tangent_min);
   if (judgement.ahead) {
     needed = std::max(needed, judgement.ahead->climb_rate_mps / speed_mps);
     const double shortfall_mps = judgement.ahead->shortfall_rate_mps;
@@ -127,14 +150,14 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
                                           step.command.speed_mps);
     }
   }
-  needed = std::clamp(needed, tangent_min_, limit_tangent);
+  needed = std::clamp(needed, tangent_min, limit_tangent);
 
   // The indicator works on tangents: climb angles are small.
   memory_.climb.step(std::max(judgement.wanted.value_or(question.goal_tangent), needed),
                      state.climb_rate_mps / speed_mps, state.vertical_acceleration_mps2 / speed_mps,
                      options_.climb_indicator, options_.step_s);
-  const double followed = std::max(memory_.climb.angle_rad, tangent_min_);
-  const double tangent = std::clamp(std::max(followed, needed), tangent_min_, limit_tangent);
+  const double followed = std::max(memory_.climb.angle_rad, tangent_min);
+  const double tangent = std::clamp(std::max(followed, needed), tangent_min, limit_tangent);
   step.commanded_climb_angle_rad = elementary::atan(tangent);
   step.command.climb_rate_mps = speed_mps * tangent;
   return step;
@@ -151,27 +174,52 @@ void Decider::follow(const ModelState& state, const command_model::Command& comm
   memory_.is_outbound = false;
 }
 
+void Decider::take_wind(const GroundMotion& motion, double airspeed_mps) {
+  if (wind().is_calm()) {
+    return;
+  }
+  const auto factor = [&](double cosine, double sine) {
+    return static_cast<float>(flight::ground_speed_mps(wind(), airspeed_mps, cosine, sine) /
+                              airspeed_mps);
+  };
+  const int count = sectors_.count();
+  const float now = factor(motion.cos_course, motion.sin_course);
+  histogram_.tan_climb_near *= now;
+  for (int k = 0; k < count; ++k) {
+    const elementary::SineCosine centre = elementary::sine_cosine(sectors_.centre_rad(k));
+    const float along = factor(centre.cosine, centre.sine);
+    const auto at = static_cast<std::size_t>(k);
+    histogram_.tan_climb[at] *= along;
+    // An arc from the present course: by its greatest speed, or its least one downwards.
+    float& mask = histogram_.tan_mask[at];
+    mask *= mask > 0.0F ? std::max(now, along) : std::min(now, along);
+  }
+  apply_mask(sectors_.of_angle(motion.course_math_rad), count, histogram_);
+}
+
 Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
                                                const StateTrigonometry& trigonometry,
                                                const DirectionQuestion& question,
-                                               double target_math_rad, double turn_radius_m,
-                                               double reach_m, FlownStep& step) {
+                                               const GroundMotion& motion, double target_math_rad,
+                                               double turn_radius_m, double reach_m,
+                                               FlownStep& step) {
   const geo::MapPoint place{state.x_m, state.y_m};
   if (plain_) {
-    plain_->compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
+    plain_->compute(place, state.altitude_m, motion.course_math_rad, turn_radius_m, histogram_,
                     reach_m);
   } else {
-    table_->compute(place, state.altitude_m, state.heading_math_rad, turn_radius_m, histogram_,
+    table_->compute(place, state.altitude_m, motion.course_math_rad, turn_radius_m, histogram_,
                     reach_m);
   }
+  take_wind(motion, state.speed_mps);
   Judgement judgement;
   std::optional<double> chosen_rad;
   if (options_.mode == LocalMode::kVfh3d) {
-    const SphericalDirection now{state.heading_math_rad,
+    const SphericalDirection now{motion.course_math_rad,
                                  elementary::atan(state.climb_rate_mps / state.speed_mps)};
-    const auto chosen = cheapest_spherical(histogram_, sectors_, options_.vfh_3d,
-                                           options_.weights.polar_offset_rad3, question, now,
-                                           {memory_.before_rad, memory_.before_climb_rad});
+    const auto chosen = cheapest_spherical(
+        histogram_, sectors_, options_.vfh_3d, options_.weights.polar_offset_rad3, question, now,
+        {course_of_rad(memory_.before_rad, state.speed_mps), memory_.before_climb_rad});
     if (chosen) {
       chosen_rad = chosen->azimuth_math_rad;
       memory_.before_climb_rad = chosen->elevation_rad;
@@ -183,22 +231,27 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
   }
   judgement.needed = std::max(
       static_cast<double>(histogram_.tan_climb_near),
-      std::min(static_cast<double>(needed_towards(state.heading_math_rad)), question.tangent_max));
+      std::min(static_cast<double>(needed_towards(motion.course_math_rad)), question.tangent_max));
   if (chosen_rad) {
-    step.target_heading_math_rad = *chosen_rad;
-    step.command.heading_math_rad = followed_heading_rad(
-        *chosen_rad, state, kGravity_mps2 * trigonometry.tan_bank / state.speed_mps,
-        static_cast<float>(question.tangent_max));
-    judgement.needed = std::max(judgement.needed,
-                                static_cast<double>(needed_towards(step.command.heading_math_rad)));
+    step.target_heading_math_rad = heading_for_rad(*chosen_rad, state.speed_mps);
+    step.command.heading_math_rad =
+        followed_heading_rad(step.target_heading_math_rad, state,
+                             kGravity_mps2 * trigonometry.tan_bank / state.speed_mps,
+                             static_cast<float>(question.tangent_max));
+    judgement.needed =
+        std::max(judgement.needed, static_cast<double>(needed_towards(course_of_rad(
+                                       step.command.heading_math_rad, state.speed_mps))));
   } else {
-    step.target_heading_math_rad = least_climb_direction_rad(
-        histogram_, sectors_, state.heading_math_rad, question.goal_math_rad, kFallbackReach_rad);
+    step.target_heading_math_rad =
+        heading_for_rad(least_climb_direction_rad(histogram_, sectors_, motion.course_math_rad,
+                                                  question.goal_math_rad, kFallbackReach_rad),
+                        state.speed_mps);
     judgement.needed = give_way(state, step);
   }
   if (forecast_) {
-    judgement.ahead = forecast_->ahead(state, trigonometry, memory_.along_m,
-                                       step.command.heading_math_rad, target_math_rad);
+    judgement.ahead =
+        forecast_->ahead(state, trigonometry, memory_.along_m, step.command.heading_math_rad,
+                         heading_for_rad(target_math_rad, state.speed_mps));
   }
   return judgement;
 }
@@ -208,9 +261,12 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
                                              const DirectionQuestion& question,
                                              double target_math_rad, double reach_m,
                                              FlownStep& step) {
-  const RolloutChoice choice =
-      rollout_->choose(state, trigonometry, memory_.along_m, question, target_math_rad,
-                       memory_.commanded_rad, memory_.before_rad, reach_m);
+  DirectionQuestion in_headings = question;
+  in_headings.heading_math_rad = state.heading_math_rad;
+  in_headings.goal_math_rad = heading_for_rad(question.goal_math_rad, state.speed_mps);
+  const RolloutChoice choice = rollout_->choose(state, trigonometry, memory_.along_m, in_headings,
+                                                heading_for_rad(target_math_rad, state.speed_mps),
+                                                memory_.commanded_rad, memory_.before_rad, reach_m);
   Judgement judgement;
   judgement.needed =
       std::max(choice.needed_near, std::min(choice.needed_commanded, question.tangent_max));
@@ -268,7 +324,7 @@ Decision Decider::last_decision() const {
     decision.sectors.push_back(sector);
   }
   if (!has_given_way_) {
-    decision.chosen_sector = sectors_.of_angle(chosen_rad_);
+    decision.chosen_sector = sectors_.of_angle(course_of_rad(chosen_rad_, airspeed_mps_));
   }
   return decision;
 }
@@ -280,18 +336,20 @@ bool Decider::is_on_final_part() const {
 
 // A goal that was passed too far aside lies within the turning circle: flying towards it would
 // orbit it forever. Straight on until it can be reached, then back.
-bool Decider::is_going_around(const ModelState& state, const StateTrigonometry& trigonometry,
-                              double turn_radius_m) {
+bool Decider::is_going_around(const ModelState& state, const GroundMotion& motion) {
+  // Downwind, where the circle is widest.
+  const double speed_max_mps = state.speed_mps + wind().speed_mps();
+  const double turn_radius_m = speed_max_mps * speed_max_mps / (kGravity_mps2 * turn_max_);
   const double dx_m = guide_.goal().x_m - state.x_m;
   const double dy_m = guide_.goal().y_m - state.y_m;
   const double goal_m = distance_m(dx_m, dy_m);
-  const double ahead_m = dx_m * trigonometry.cos_heading + dy_m * trigonometry.sin_heading;
+  const double ahead_m = dx_m * motion.cos_course + dy_m * motion.sin_course;
   const bool is_missed = memory_.along_m >= guide_.length_m() - kGoalDistanceMin_m &&
                          ahead_m <= 0.0 && goal_m > options_.goal_radius_m &&
                          goal_m < 2.0 * turn_radius_m;
   if (is_missed && !memory_.is_outbound) {
     memory_.is_outbound = true;
-    memory_.outbound_rad = state.heading_math_rad;
+    memory_.outbound_rad = motion.course_math_rad;
   } else if (memory_.is_outbound && goal_m > kGoAroundRadii * turn_radius_m) {
     memory_.is_outbound = false;
   }
@@ -302,13 +360,14 @@ double Decider::followed_heading_rad(double chosen_rad, const ModelState& state,
                                      double turn_rate_radps, float tangent_max) {
   memory_.heading.step(chosen_rad, state.heading_math_rad, turn_rate_radps,
                        options_.heading_indicator, options_.step_s);
-  if (needed_towards(memory_.heading.angle_rad) <= tangent_max) {
+  const double course_rad = course_of_rad(memory_.heading.angle_rad, state.speed_mps);
+  if (needed_towards(course_rad) <= tangent_max) {
     return memory_.heading.angle_rad;
   }
   const std::optional<double> nearest_rad =
-      nearest_feasible_rad(histogram_, sectors_, memory_.heading.angle_rad, tangent_max);
+      nearest_feasible_rad(histogram_, sectors_, course_rad, tangent_max);
   memory_.heading.reset(state.heading_math_rad);
-  return nearest_rad.value_or(chosen_rad);
+  return nearest_rad ? heading_for_rad(*nearest_rad, state.speed_mps) : chosen_rad;
 }
 
 }  // namespace hedgehop::local_planning

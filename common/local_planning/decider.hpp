@@ -19,8 +19,21 @@
 
 namespace hedgehop::local_planning {
 
+/// How a state moves over the ground.
+struct GroundMotion {
+  double course_math_rad = 0.0;
+  double cos_course = 1.0;
+  double sin_course = 0.0;
+  double speed_mps = 0.0;
+  double cos_crab = 1.0;  // of the angle between heading and course
+};
+
 /// Decides the command of each step of one pass along a guide, see fly_along(). Holds references to
 /// what it is given.
+///
+/// In wind, the ground is asked about in courses, and what is commanded and remembered are headings
+/// of the nose that make them good. Climb tangents are climb rates over the airspeed: those over
+/// the ground times ground speed over airspeed in their direction.
 class Decider {
  public:
   /// @param tables  of the histogram; null for rollouts
@@ -44,7 +57,7 @@ class Decider {
     Indicator heading;
     Indicator climb;
     bool is_outbound = false;
-    double outbound_rad = 0.0;
+    double outbound_rad = 0.0;  // course
   };
   [[nodiscard]] const Memory& memory() const { return memory_; }
   /// Goes back to a step before.
@@ -71,8 +84,9 @@ class Decider {
   };
   Judgement judge_by_histogram(const command_model::ModelState& state,
                                const command_model::StateTrigonometry& trigonometry,
-                               const DirectionQuestion& question, double target_math_rad,
-                               double turn_radius_m, double reach_m, FlownStep& step);
+                               const DirectionQuestion& question, const GroundMotion& motion,
+                               double target_math_rad, double turn_radius_m, double reach_m,
+                               FlownStep& step);
   Judgement judge_by_rollout(const command_model::ModelState& state,
                              const command_model::StateTrigonometry& trigonometry,
                              const DirectionQuestion& question, double target_math_rad,
@@ -81,13 +95,23 @@ class Decider {
   [[nodiscard]] double climb_rate_max_mps(const command_model::ModelState& state) const;
   /// No direction is feasible: the target is commanded, slowly; returns all the climb there is.
   double give_way(const command_model::ModelState& state, FlownStep& step);
-  bool is_going_around(const command_model::ModelState& state,
-                       const command_model::StateTrigonometry& trigonometry, double turn_radius_m);
-  [[nodiscard]] float needed_towards(double heading_rad) const {
-    return histogram_.tan_masked[static_cast<std::size_t>(sectors_.of_angle(heading_rad))];
+  bool is_going_around(const command_model::ModelState& state, const GroundMotion& motion);
+  [[nodiscard]] float needed_towards(double course_rad) const {
+    return histogram_.tan_masked[static_cast<std::size_t>(sectors_.of_angle(course_rad))];
   }
   double followed_heading_rad(double chosen_rad, const command_model::ModelState& state,
                               double turn_rate_radps, float tangent_max);
+  [[nodiscard]] GroundMotion motion_of(const command_model::ModelState& state,
+                                       const command_model::StateTrigonometry& trigonometry) const;
+  [[nodiscard]] const flight::Wind& wind() const { return model_.vehicle().wind; }
+  [[nodiscard]] double heading_for_rad(double course_rad, double airspeed_mps) const {
+    return flight::heading_for_course_rad(wind(), airspeed_mps, course_rad);
+  }
+  [[nodiscard]] double course_of_rad(double heading_rad, double airspeed_mps) const {
+    return flight::over_ground(wind(), {airspeed_mps, heading_rad}).direction_math_rad;
+  }
+  /// From tangents over the ground to climb rates over the airspeed.
+  void take_wind(const GroundMotion& motion, double airspeed_mps);
 
   const Guide& guide_;
   const command_model::CommandModel& model_;
@@ -108,6 +132,7 @@ class Decider {
   DirectionScratch scratch_;
   DirectionQuestion question_;  // of the last step
   double chosen_rad_ = 0.0;     // likewise
+  double airspeed_mps_ = 0.0;   // likewise
   bool has_given_way_ = false;  // likewise
   std::int64_t infeasible_decisions_ = 0;
 };

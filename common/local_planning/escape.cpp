@@ -78,9 +78,11 @@ class Attempt {
 
  private:
   [[nodiscard]] bool is_high(const ModelState& state) const {
+    // Circles over the ground are flown at the speed that they have downwind.
+    const double speed_max_mps = state.speed_mps + model_.vehicle().wind.speed_mps();
     const double radius_m =
-        2.0 * flight::turn_radius_min_m(state.speed_mps, model_.bank_command_max_rad()) +
-        kRollIn_s * state.speed_mps + options_.lateral_margin_m;
+        2.0 * flight::turn_radius_min_m(speed_max_mps, model_.bank_command_max_rad()) +
+        kRollIn_s * speed_max_mps + options_.lateral_margin_m;
     const double lowest_m =
         raster::max_within(surface_m_, {state.x_m, state.y_m}, radius_m) + options_.clearance_m;
     return state.climb_rate_mps >= 0.0 && state.altitude_m >= lowest_m;  // false for NaN
@@ -166,9 +168,11 @@ std::optional<Escape> escape_along(const raster::Grid<float>& surface_m, const C
         at_m = guide.project({state.x_m, state.y_m}, at_m, at_m + kProjectionAhead_m);
         const flight::Waypoint target =
             guide.at(at_m + std::max(kAimMin_m, kAim_s * state.speed_mps));
-        return Command{options.speed_mps,
-                       elementary::atan2(target.y_m - state.y_m, target.x_m - state.x_m),
-                       model.vehicle().limits.climb_rate_max_mps};
+        const double course_rad = elementary::atan2(target.y_m - state.y_m, target.x_m - state.x_m);
+        return Command{
+            options.speed_mps,
+            flight::heading_for_course_rad(model.vehicle().wind, state.speed_mps, course_rad),
+            model.vehicle().limits.climb_rate_max_mps};
       });
   if (!steps.empty()) {
     return Escape{0.0, true, std::move(steps)};

@@ -68,7 +68,8 @@ flight::NoPlan stuck(const ModelState& state, const std::string& what) {
 // Watches the approach to the goal.
 class GoalWatch {
  public:
-  GoalWatch(const Guide& guide, double radius_m) : goal_(guide.goal()), radius_m_(radius_m) {}
+  GoalWatch(const Guide& guide, double radius_m, const flight::Wind& wind)
+      : goal_(guide.goal()), radius_m_(radius_m), wind_(wind) {}
 
   // True at the nearest approach, or at the goal itself; not where the guide only comes by.
   bool is_reached(const ModelState& state, const StateTrigonometry& trigonometry,
@@ -78,13 +79,16 @@ class GoalWatch {
     }
     const double dx_m = goal_.x_m - state.x_m;
     const double dy_m = goal_.y_m - state.y_m;
-    const double ahead_m = dx_m * trigonometry.cos_heading + dy_m * trigonometry.sin_heading;
+    // Along the motion over ground.
+    const double ahead_m = dx_m * (trigonometry.cos_heading + wind_.east_mps / state.speed_mps) +
+                           dy_m * (trigonometry.sin_heading + wind_.north_mps / state.speed_mps);
     return distance_m(dx_m, dy_m) <= radius_m_ && ahead_m <= 0.0;
   }
 
  private:
   flight::Waypoint goal_;
   double radius_m_;
+  flight::Wind wind_;
 };
 
 // Takes a flight of rollouts back to a moment from which there is a way out, where it came too near
@@ -256,6 +260,18 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 
 command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
                                          double speed_mps, const command_model::Vehicle& vehicle) {
+  if (!vehicle.wind.is_calm()) {
+    const Guide line(guide);
+    const double course_rad = line.heading_math_rad(0.0);
+    const elementary::SineCosine course = elementary::sine_cosine(course_rad);
+    const flight::VerticalRates rates = vehicle.vertical_rates(speed_mps, guide.front().altitude_m);
+    const double rate_mps = line.slope(0.0) * flight::ground_speed_mps(vehicle.wind, speed_mps,
+                                                                       course.cosine, course.sine);
+    return command_model::trimmed_state(
+        guide.front().x_m, guide.front().y_m, guide.front().altitude_m, speed_mps,
+        flight::heading_for_course_rad(vehicle.wind, speed_mps, course_rad),
+        std::clamp(rate_mps, -rates.descent_mps, rates.climb_mps));
+  }
   flight::Limits limits = vehicle.limits;
   const flight::VerticalRates rates = vehicle.vertical_rates(speed_mps, guide.front().altitude_m);
   limits.climb_rate_max_mps = rates.climb_mps;
@@ -303,6 +319,12 @@ std::variant<Flight, flight::NoPlan> fly_along(
     throw std::invalid_argument("speed " + std::to_string(speed_mps) +
                                 " m/s is outside the vehicle's limits");
   }
+  if (!(vehicle.wind.speed_mps() <=
+        flight::kWindShareMax * std::min(speed_mps, options.slow_speed_mps)) ||
+      !(vehicle.wind.speed_mps() < initial.speed_mps)) {
+    throw std::invalid_argument("a wind of " + std::to_string(vehicle.wind.speed_mps()) +
+                                " m/s is more than half of a speed that is to be flown");
+  }
   const Surroundings& surroundings = ground.surroundings;
   const CommandModel model(vehicle);
   const CommandModel::StepConstants step_constants = model.step_constants(options.step_s);
@@ -318,7 +340,7 @@ std::variant<Flight, flight::NoPlan> fly_along(
                             : nullptr;
     Decider decider(surroundings, tables, line, model, options, histogram, speed_mps, initial,
                     heading, kernel);
-    GoalWatch goal(line, options.goal_radius_m);
+    GoalWatch goal(line, options.goal_radius_m, vehicle.wind);
     std::optional<Keeper> keeper;
     if (options.mode == LocalMode::kRollout && options.rollout_escape.is_used) {
       keeper.emplace(surroundings, model, options, line, heading);
@@ -326,7 +348,9 @@ std::variant<Flight, flight::NoPlan> fly_along(
     std::vector<FlownStep> way_out;
     std::size_t out_step = 0;
     const auto steps_max = static_cast<std::int64_t>(
-        (options.length_factor_max * line.length_m() / speed_mps + kExtraTime_s) / options.step_s);
+        (options.length_factor_max * line.length_m() / (speed_mps - vehicle.wind.speed_mps()) +
+         kExtraTime_s) /
+        options.step_s);
     flight.steps.clear();
     flight.steps.reserve(
         static_cast<std::size_t>(1.2 * line.length_m() / (speed_mps * options.step_s) + 100.0));

@@ -126,7 +126,7 @@ using StepModel = std::function<command_model::ModelState(
 /// level, with the climb rate of its first leg as far as the vehicle can.
 command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
                                          double speed_mps, const flight::Limits& limits);
-/// The same within Vehicle::vertical_rates().
+/// The same within Vehicle::vertical_rates() and on its course in the vehicle's wind.
 command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& guide,
                                          double speed_mps, const command_model::Vehicle& vehicle);
 

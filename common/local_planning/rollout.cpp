@@ -62,8 +62,8 @@ void roll_out(RolloutTask& task, int candidate, const std::vector<float>& bend,
     const float turned_east = east * cosine - north * sine;
     north = east * sine + north * cosine;
     east = turned_east;
-    x += east;
-    y += north;
+    x = x + east + path.drift_east_cells;
+    y = y + north + path.drift_north_cells;
     const int column =
         std::clamp(static_cast<int>(std::floor(x)), -path.column, path.columns - 1 - path.column);
     const int row =
@@ -157,10 +157,11 @@ void plain_rollout(RolloutTask& task, FlightScratch& /*scratch*/) {
 Rollout::Rollout(const Surroundings& surroundings, const Guide& guide,
                  const command_model::CommandModel& model, double look_ahead_m,
                  double safety_height_m, const ProfileOptions& profile,
-                 const RolloutOptions& options, const DirectionWeights& weights, Kernel kernel)
+                 const RolloutOptions& options, const DirectionWeights& weights, double speed_mps,
+                 Kernel kernel)
     : surroundings_(&surroundings),
       forecast_(surroundings, guide, model, look_ahead_m, safety_height_m,
-                over_horizon(profile, options), step_kernels(kernel)),
+                over_horizon(profile, options), speed_mps, step_kernels(kernel)),
       options_(options),
       weights_(weights),
       rollout_(kernel == Kernel::kPlain ? &plain_rollout : step_kernels(kernel).rollout) {
@@ -183,8 +184,9 @@ RolloutChoice Rollout::choose(const command_model::ModelState& state,
   RolloutTask task;
   task.path = forecast_.task(state, trigonometry, along_m, commanded_rad, target_math_rad);
   const double step_m = state.speed_mps * options_.sample_s;
-  if (reach_m < step_m * task.path.samples) {
-    task.path.samples = std::max(kSamplesMin, static_cast<int>(std::ceil(reach_m / step_m)));
+  const double ground_step_m = forecast_.ground_speed_mps(state, along_m) * options_.sample_s;
+  if (reach_m < ground_step_m * task.path.samples) {
+    task.path.samples = std::max(kSamplesMin, static_cast<int>(std::ceil(reach_m / ground_step_m)));
   }
   wanted_rad_ = offsets_rad_;
   wanted_rad_[kGoalCandidate] = relative(question.goal_math_rad);

@@ -48,6 +48,8 @@ struct RolloutChoice {
 ///            t_goal, 0)) + change |chi_c - chi_before|
 ///
 /// N  height of the ground and the safety height above the present altitude; s distance flown
+/// through the air: a climb takes the time that this takes. In wind the flights drift over the
+/// ground, headings are those of the nose, and tangents are climb rates over the airspeed.
 ///
 /// Samples within the lag do not decide whether a candidate is feasible, t <= t_max: no choice can
 /// change them. The risk is the mean along what can be flown, not of a sector: a cell counts as
@@ -59,10 +61,10 @@ class Rollout {
   Rollout(const Surroundings& surroundings, const Guide& guide,
           const command_model::CommandModel& model, double look_ahead_m, double safety_height_m,
           const ProfileOptions& profile, const RolloutOptions& options,
-          const DirectionWeights& weights, Kernel kernel);
+          const DirectionWeights& weights, double speed_mps, Kernel kernel);
 
-  /// @param question        as for cheapest_direction_rad()
-  /// @param target_math_rad direction to the guide's target
+  /// @param question        as for cheapest_direction_rad(), but in headings
+  /// @param target_math_rad heading to the guide's target
   /// @param commanded_rad   heading commanded before
   /// @param before_rad      direction chosen before
   /// @param reach_m         ground further away is not looked at

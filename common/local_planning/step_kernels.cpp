@@ -658,10 +658,13 @@ void forecast_kernel(ForecastTask& task, FlightScratch& scratch) {
   for (int i = 0; i < padded; i += lanes) {
     const Floats x = hn::LoadU(tag, forward + i);
     const Floats y = hn::LoadU(tag, leftward + i);
-    const Floats east =
-        hn::Sub(hn::Mul(x, constant(task.east_cells)), hn::Mul(y, constant(task.north_cells)));
-    const Floats north =
-        hn::Add(hn::Mul(x, constant(task.north_cells)), hn::Mul(y, constant(task.east_cells)));
+    const Floats number = numbers_from(i + 1);
+    const Floats east = hn::Add(
+        hn::Sub(hn::Mul(x, constant(task.east_cells)), hn::Mul(y, constant(task.north_cells))),
+        hn::Mul(number, constant(task.drift_east_cells)));
+    const Floats north = hn::Add(
+        hn::Add(hn::Mul(x, constant(task.north_cells)), hn::Mul(y, constant(task.east_cells))),
+        hn::Mul(number, constant(task.drift_north_cells)));
     const auto cell_of = [&](Floats away, float part, int from, int count) {
       const auto cell = hn::Add(whole_below(hn::Add(away, constant(part))), hn::Set(int_tag, from));
       return hn::Min(hn::Max(cell, hn::Zero(int_tag)), hn::Set(int_tag, count - 1));
@@ -700,6 +703,8 @@ HWY_INLINE void fly_paths(const RolloutTask& task, int first, const float* HWY_R
   const Floats sixth = constant(1.0F / 6.0F);
   const auto columns = hn::Set(int_tag, path.columns);
   const std::uint32_t* const ground = task.ground;
+  const Floats drift_east = constant(path.drift_east_cells);
+  const Floats drift_north = constant(path.drift_north_cells);
   Floats wanted[kVectors];
   Floats heading[kVectors];
   Floats turn[kVectors];
@@ -748,8 +753,8 @@ HWY_INLINE void fly_paths(const RolloutTask& task, int first, const float* HWY_R
       const Floats turned_east = hn::Sub(hn::Mul(east[v], cosine), hn::Mul(north[v], sine));
       north[v] = hn::Add(hn::Mul(east[v], sine), hn::Mul(north[v], cosine));
       east[v] = turned_east;
-      x[v] = hn::Add(x[v], east[v]);
-      y[v] = hn::Add(y[v], north[v]);
+      x[v] = hn::Add(hn::Add(x[v], east[v]), drift_east);
+      y[v] = hn::Add(hn::Add(y[v], north[v]), drift_north);
       auto column = whole_below(x[v]);
       auto row = whole_below(y[v]);
       if constexpr (!kInside) {
@@ -856,10 +861,11 @@ void rollout_kernel(RolloutTask& task, FlightScratch& scratch) {
     ++far;
   }
   constexpr int kVectors = 2;
-  const float reach_cells = static_cast<float>(path.samples) *
-                                std::max(std::fabs(path.east_cells), std::fabs(path.north_cells)) *
-                                1.5F +
-                            3.0F;
+  const float reach_cells =
+      static_cast<float>(path.samples) *
+          (std::max(std::fabs(path.east_cells), std::fabs(path.north_cells)) * 1.5F +
+           std::max(std::fabs(path.drift_east_cells), std::fabs(path.drift_north_cells))) +
+      3.0F;
   const auto reach = static_cast<int>(std::min(reach_cells, 1e6F));
   const bool is_inside = path.column >= reach && path.row >= reach &&
                          path.column + reach < path.columns && path.row + reach < path.rows;

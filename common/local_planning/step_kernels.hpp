@@ -158,8 +158,10 @@ struct ForecastTask {
   int row = 0;
   float part_of_column = 0.0F;
   float part_of_row = 0.0F;
-  float east_cells = 0.0F;  // one sample straight on
+  float east_cells = 0.0F;  // one sample straight on, through the air
   float north_cells = 0.0F;
+  float drift_east_cells = 0.0F;  // of the air, in one sample
+  float drift_north_cells = 0.0F;
   int columns = 0;
   int rows = 0;
   const float* dilated_m = nullptr;  // cell (0, 0)

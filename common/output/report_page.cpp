@@ -274,7 +274,7 @@ class Page {
 
   [[nodiscard]] std::string legs() const {
     Table table("leg-table",
-                "The flown track as straight legs; no wind, so that heading and course are one. "
+                "The flown track as straight legs; courses and speeds are those over the ground. "
                 "Magnetic: true less the declination that was given with --declination-deg.");
     std::vector<std::string> names = {"leg", "begins"};
     if (has_eta()) {

@@ -53,7 +53,8 @@ class AlternativeSearch {
     }
     const auto& stops = std::get<std::vector<flight::Waypoint>>(placed);
     const global_planning::GlobalOptions global =
-        global_options(config, main.request.speed_mps.value_or(config.speed_mps));
+        global_options(in_wind(config, map.crs_wkt, stops.front().point()),
+                       main.request.speed_mps.value_or(config.speed_mps));
     for (std::size_t leg = 0; leg + 1 < stops.size(); ++leg) {
       legs_.emplace_back(
           costs_, global,

@@ -81,6 +81,13 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
                          "' flies, " + text_of(limits.speed_min_mps, 1) + " to " +
                          text_of(limits.speed_max_mps, 1) + " m/s",
                      "choose a speed within these limits, or another vehicle_file");
+  } else if (const double wind_mps = config.conditions.wind_mps;
+             wind_mps > flight::kWindShareMax * asked_mps) {
+    throw UsageError("a wind of " + text_of(wind_mps, 1) +
+                         " m/s (conditions.wind_mps) is more than half of the airspeed of " +
+                         text_of(asked_mps, 1) + " m/s",
+                     "fly at " + text_of(wind_mps / flight::kWindShareMax, 1) +
+                         " m/s or faster, or wait for less wind");
   }
   const risk::CostModel costs = cost_model(map, config);
   auto placed = place_stops(costs, request, config);
@@ -103,7 +110,8 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
       return *std::move(no_plan);
     }
   }
-  const global_planning::GlobalOptions global = global_options(config, speed_mps);
+  const global_planning::GlobalOptions global =
+      global_options(in_wind(config, map.crs_wkt, plan.start.point()), speed_mps);
   const std::int64_t budget =
       request.work_budget > 0 ? request.work_budget : config.global.work_budget;
   KeptRoadmap roadmap;
@@ -156,7 +164,7 @@ std::variant<flight::RoutePlan, NoPlan> plan_route(const map::Map& map,
 
 std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
                                                const flight::RoutePlan& route_plan,
-                                               const PlanningConfig& config,
+                                               const PlanningConfig& whole_config,
                                                const local_planning::StepModel& step_model,
                                                Observer& observer,
                                                const local_planning::DecisionWatch& watch) {
@@ -165,8 +173,9 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
                         ", the map at hand is " + map.hash.hex(),
                     "use the map that the route was planned on");
   }
-  HEDGEHOP_ASSERT(route_plan.config_text == config.text);
+  HEDGEHOP_ASSERT(route_plan.config_text == whole_config.text);
   HEDGEHOP_ASSERT(route_plan.route.guide.size() >= 2);
+  const PlanningConfig config = in_wind(whole_config, map.crs_wkt, route_plan.start.point());
   const geo::MapProjection projection(map.crs_wkt);
   const risk::CostModel costs = cost_model(map, config);
 
@@ -177,9 +186,11 @@ std::variant<flight::Plan, NoPlan> plan_flight(const map::Map& map,
   task.speed_mps = route_plan.request.speed_mps.value_or(config.speed_mps);
   task.initial = local_planning::state_at_start(task.guide, task.speed_mps, config.vehicle);
   if (route_plan.request.start_heading_true_rad) {
-    task.initial.heading_math_rad = math_angle_from_azimuth_rad(grid_from_true_azimuth_rad(
-        *route_plan.request.start_heading_true_rad,
-        projection.convergence_rad({task.initial.x_m, task.initial.y_m})));
+    task.initial.heading_math_rad = flight::heading_for_course_rad(
+        config.vehicle.wind, task.speed_mps,
+        math_angle_from_azimuth_rad(grid_from_true_azimuth_rad(
+            *route_plan.request.start_heading_true_rad,
+            projection.convergence_rad({task.initial.x_m, task.initial.y_m}))));
   }
   task.held = {route_plan.goal};
   for (const flight::RequestPoint& via : route_plan.request.via) {

@@ -38,7 +38,8 @@ struct PlanningConfig {
   global_planning::GlobalOptions global;
   local_planning::LocalOptions local;
   verification::Demands demands;
-  command_model::Vehicle vehicle;  // with power_limits, if the conditions say so
+  command_model::Vehicle
+      vehicle;  // with power_limits, if the conditions say so; calm, see in_wind()
   flight::Conditions conditions = {};
   // Shapes nothing: saves plan_route() the making, if it is the one of the map and this config.
   KeptRoadmap roadmap = {};
@@ -61,8 +62,15 @@ std::string effective_planning_config(const std::string& config_file,
 /// if the config weighs named observers and the map knows none, see read_map_for().
 risk::CostModel cost_model(const map::Map& map, const PlanningConfig& config);
 
-/// Section `global` for flights at this speed: with the power curve, if the conditions ask for it,
-/// legs climb and sink no more steeply than the vehicle at this speed.
+/// The config with the wind of its conditions, in the grid at the start of a flight: known to the
+/// vehicle, to global planning and to verification. Flights are never slower than twice the wind.
+/// Whatever plans or judges a flight takes its config from here; without wind it is the same.
+PlanningConfig in_wind(const PlanningConfig& config, const std::string& crs_wkt,
+                       const geo::MapPoint& start);
+
+/// Section `global` for flights at this airspeed: with the power curve, if the conditions ask for
+/// it, legs climb and sink no more steeply than the vehicle at this speed; in the wind that
+/// in_wind() left.
 global_planning::GlobalOptions global_options(const PlanningConfig& config, double speed_mps);
 
 /// Request -> route: what the global_planner service does. Throws UsageError for a speed that the

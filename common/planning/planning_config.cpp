@@ -9,6 +9,7 @@
 #include "base/errors.hpp"
 #include "base/files.hpp"
 #include "base/shipped_config.hpp"
+#include "geo/map_projection.hpp"
 #include "planning/config_origins.hpp"
 #include "planning/planning.hpp"
 
@@ -72,8 +73,27 @@ void check_power_limits(const flight::PowerLimits& power, const flight::Limits& 
 
 }  // namespace
 
+PlanningConfig in_wind(const PlanningConfig& config, const std::string& crs_wkt,
+                       const geo::MapPoint& start) {
+  PlanningConfig result = config;
+  if (config.conditions.wind_mps == 0.0) {
+    return result;
+  }
+  const flight::Wind wind =
+      config.conditions.wind(geo::MapProjection(crs_wkt).convergence_rad(start));
+  result.vehicle.wind = wind;
+  result.demands.wind = wind;
+  result.global.wind = wind;
+  const double slowest_mps = wind.speed_mps() / flight::kWindShareMax;
+  result.local.slow_speed_mps = std::max(config.local.slow_speed_mps, slowest_mps);
+  std::erase_if(result.local.retry_speeds_mps,
+                [&](double speed_mps) { return speed_mps < slowest_mps; });
+  return result;
+}
+
 global_planning::GlobalOptions global_options(const PlanningConfig& config, double speed_mps) {
   global_planning::GlobalOptions options = config.global;
+  options.airspeed_mps = speed_mps;
   if (config.vehicle.power_limits) {
     const double share = config.local.climb_share / speed_mps;
     options.vehicle_slopes = std::make_shared<const global_planning::SlopeLimits>(
@@ -127,6 +147,12 @@ PlanningConfig read_planning_config(const std::string& text, const std::string& 
     config.demands.power = verification::PowerDemand{*config.vehicle.power, config.conditions};
   }
   reader.finish();
+  if (config.conditions.wind_mps > 0.0 && config.global.use_roadmap) {
+    throw ConfigError(name +
+                          ": global.planner: roadmap knows no wind, and conditions.wind_mps is " +
+                          std::to_string(config.conditions.wind_mps),
+                      "global.planner: lattice, or conditions.wind_mps: 0");
+  }
   reader.require(config.speed_mps >= config.vehicle.limits.speed_min_mps &&
                      config.speed_mps <= config.vehicle.limits.speed_max_mps,
                  "speed_mps", "must lie within the vehicle's speed limits");

@@ -158,6 +158,7 @@ class Reactor {
       step.state.altitude_m = state.altitude_m;
       step.state.speed_mps = state.speed_mps;
       step.state.heading_math_rad = math_rad(state.heading_true_rad);
+      step.state = command_model::through_air(step.state, config_.vehicle.wind);
       step.state.bank_left_rad = -state.bank_rad;
       step.command = command_model::command_of(state);
     }
@@ -204,6 +205,19 @@ class Reactor {
             heading_after(commanded_rad)};
   }
 
+  // Of a bank that is needed downwind, for a circle over the ground.
+  [[nodiscard]] double bank_share(const ModelState& state) const {
+    const flight::Wind& wind = config_.vehicle.wind;
+    if (wind.is_calm()) {
+      return 1.0;
+    }
+    const flight::Motion motion =
+        flight::over_ground(wind, {state.speed_mps, state.heading_math_rad});
+    const double cos_crab = elementary::cos(motion.direction_math_rad - state.heading_math_rad);
+    const double share = motion.speed_mps / (state.speed_mps + wind.speed_mps());
+    return share * share / cos_crab;
+  }
+
   // Level circles from the last state on, in the direction in which it banks.
   void circle(std::vector<FlownStep>& steps, double commanded_rad) const {
     ModelState state = steps.back().state;
@@ -216,7 +230,7 @@ class Reactor {
     const auto count = static_cast<std::size_t>(kCircling_s / step_s);
     for (std::size_t i = 0; i <= count; ++i) {
       // The error that the heading controller answers with that bank.
-      const double rate_radps = kGravity_mps2 * tan_bank / state.speed_mps;
+      const double rate_radps = kGravity_mps2 * tan_bank / state.speed_mps * bank_share(state);
       const double error_rad =
           rate_radps * (1.0 + model.heading_rate_damping) / model.heading_gain_1ps;
       FlownStep& step = steps.emplace_back();
@@ -258,7 +272,7 @@ class Reactor {
                               std::size_t way_out_step) const {
     Reaction reaction;
     reaction.kind = kind;
-    reaction.trajectory = trajectory_of(flight, map_, projection_);
+    reaction.trajectory = trajectory_of(flight, map_, projection_, config_.vehicle.wind);
     reaction.way_out_step = way_out_step;
     reaction.verdict = verdict_of(reaction.trajectory);
     return reaction;

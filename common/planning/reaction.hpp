@@ -16,8 +16,8 @@ struct ReactionOptions {
 /// A flight along a trajectory, at the moment when something appears.
 struct FlightUnderPlan {
   const flight::Trajectory* plan = nullptr;
-  std::size_t step = 0;  // of the plan, where the vehicle is
-  command_model::ModelState state;
+  std::size_t step = 0;             // of the plan, where the vehicle is
+  command_model::ModelState state;  // through the air
   double commanded_heading_math_rad = 0.0;
 };
 
@@ -56,6 +56,7 @@ map::Map map_part(const map::Map& map, const raster::Window& window);
 /// goes on from the one commanded before and never changes faster than the limit.
 ///
 /// @param ground  changed, at least the window of the reaction; features of it are looked at
+/// @param config  that of the plan, in_wind() of its start
 /// @note  A function of its arguments alone. 10 to 20 ms for 60 s of flight over 30 m cells.
 Reaction reaction_to(const map::Map& ground, const PlanningConfig& config,
                      const ReactionOptions& options, const FlightUnderPlan& flight,

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "base/angles.hpp"
+#include "base/elementary.hpp"
 #include "base/errors.hpp"
 #include "local_planning/flight_cost.hpp"
 #include "local_planning/vertical_pass.hpp"
@@ -12,7 +13,7 @@
 namespace hedgehop::planning {
 
 flight::Trajectory trajectory_of(const local_planning::Flight& flight, const map::Map& map,
-                                 const geo::MapProjection& projection) {
+                                 const geo::MapProjection& projection, const flight::Wind& wind) {
   flight::Trajectory trajectory;
   trajectory.step_s = flight.step_s;
   trajectory.states.reserve(flight.steps.size());
@@ -29,8 +30,10 @@ flight::Trajectory trajectory_of(const local_planning::Flight& flight, const map
     state.x_m = model.x_m;
     state.y_m = model.y_m;
     state.altitude_m = model.altitude_m;
-    state.speed_mps = model.speed_mps;
-    state.heading_true_rad = true_azimuth_rad(model.heading_math_rad);
+    const flight::Motion motion =
+        flight::over_ground(wind, {model.speed_mps, model.heading_math_rad});
+    state.speed_mps = motion.speed_mps;
+    state.heading_true_rad = true_azimuth_rad(motion.direction_math_rad);
     state.convergence_rad = convergence_rad;
     state.bank_rad = -model.bank_left_rad;
     state.roll_rate_radps = -model.roll_rate_left_radps;
@@ -38,9 +41,14 @@ flight::Trajectory trajectory_of(const local_planning::Flight& flight, const map
     state.pitch_rate_radps = model.pitch_rate_radps;
     state.climb_rate_mps = model.climb_rate_mps;
     state.vertical_acceleration_mps2 = model.vertical_acceleration_mps2;
-    state.target_heading_true_rad = true_azimuth_rad(step.target_heading_math_rad);
+    state.target_heading_true_rad =
+        true_azimuth_rad(flight::over_ground(wind, {model.speed_mps, step.target_heading_math_rad})
+                             .direction_math_rad);
     state.commanded_heading_true_rad = true_azimuth_rad(step.command.heading_math_rad);
-    state.commanded_climb_angle_rad = step.commanded_climb_angle_rad;
+    state.commanded_climb_angle_rad =
+        wind.is_calm() ? step.commanded_climb_angle_rad
+                       : elementary::atan(elementary::tan(step.commanded_climb_angle_rad) *
+                                          model.speed_mps / motion.speed_mps);
     state.commanded_speed_mps = step.command.speed_mps;
     state.surface_m = raster::sample_bilinear(map.surface_m, point);
     state.terrain_m = raster::sample_bilinear(map.terrain_m, point);
@@ -139,7 +147,8 @@ std::variant<RouteFlight, NoPlan> flown_and_checked(
     }
     for (const Candidate& candidate : std::get<std::vector<Candidate>>(flown)) {
       RouteFlight checked;
-      checked.trajectory = trajectory_of(candidate.flight, costs.map(), projection);
+      checked.trajectory =
+          trajectory_of(candidate.flight, costs.map(), projection, config.vehicle.wind);
       checked.verdict = verification::verify(costs.map(), checked.trajectory, task.start, task.via,
                                              task.goal, config.vehicle.limits, config.demands);
       checked.cost_m = candidate.cost_m;

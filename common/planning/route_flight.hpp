@@ -78,7 +78,9 @@ std::variant<RouteFlight, flight::NoPlan> fly_route(const RouteGrounds& grounds,
                                                     const RouteTask& task, Observer& observer);
 
 /// A flight in the terms of a plan, with the ground below it.
+///
+/// @param wind  that it is flown in
 flight::Trajectory trajectory_of(const local_planning::Flight& flight, const map::Map& map,
-                                 const geo::MapProjection& projection);
+                                 const geo::MapProjection& projection, const flight::Wind& wind);
 
 }  // namespace hedgehop::planning

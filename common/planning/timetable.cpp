@@ -97,6 +97,8 @@ std::variant<TimedPlan, flight::NoPlan> plan_on_time(const TimeDemand& demand,
   const TimeDemand::Target& last = demand.targets.back();
   const double wanted_s = seconds_between(first.time, last.time);
   const flight::Limits& limits = config.vehicle.limits;
+  const double speed_min_mps =
+      std::max(limits.speed_min_mps, config.conditions.wind_mps / flight::kWindShareMax);
   std::optional<TimedPlan> best;
   double best_error_s = 0.0;
   double best_flown_s = 0.0;
@@ -126,7 +128,7 @@ std::variant<TimedPlan, flight::NoPlan> plan_on_time(const TimeDemand& demand,
       break;
     }
     const double next_mps =
-        std::clamp(flown_mps * flown_s / wanted_s, limits.speed_min_mps, limits.speed_max_mps);
+        std::clamp(flown_mps * flown_s / wanted_s, speed_min_mps, limits.speed_max_mps);
     if (next_mps == flown_mps) {
       break;
     }
@@ -141,10 +143,10 @@ std::variant<TimedPlan, flight::NoPlan> plan_on_time(const TimeDemand& demand,
                   "place %zu they leave %.1f s, the flight at %.1f m/s takes %.1f s%s",
                   best_error_s, demand.tolerance_s, first.place, last.place, wanted_s, speed,
                   best_flown_s,
-                  speed >= limits.speed_max_mps   ? ", and the vehicle flies no faster"
-                  : speed <= limits.speed_min_mps ? ", and the vehicle flies no slower"
-                  : demand.targets.size() > 2     ? "; a flight has one speed"
-                                                  : "");
+                  speed >= limits.speed_max_mps ? ", and the vehicle flies no faster"
+                  : speed <= speed_min_mps      ? ", and the vehicle flies no slower"
+                  : demand.targets.size() > 2   ? "; a flight has one speed"
+                                                : "");
     best->shortfall = text;
   }
   return std::move(*best);

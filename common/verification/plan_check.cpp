@@ -32,7 +32,11 @@ PlanCheck check_plan(const map::Map& map, const flight::Plan& plan,
   const flight::Limits limits = flight::read_limits(limits_section);
   if (config.has("conditions")) {  // plans of earlier versions have none
     ConfigReader section = config.required_section("conditions");
-    const flight::Conditions conditions = flight::read_conditions(section);
+    const flight::Conditions conditions = flight::read_recorded_conditions(section);
+    if (conditions.wind_mps > 0.0 && !map.crs_wkt.empty()) {
+      const geo::MapProjection grid(map.crs_wkt);
+      demands.wind = wind_of(conditions, grid.convergence_rad(route_plan.start.point()));
+    }
     if (conditions.is_power_used) {
       ConfigReader power = vehicle.required_section("power");
       demands.power = PowerDemand{flight::read_power_curve(power), conditions};

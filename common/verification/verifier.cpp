@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <optional>
 
 #include "base/angles.hpp"
@@ -126,14 +127,16 @@ void check_change(const char* rule, const flight::FlightState& state, double ste
 
 // Whether two states a step apart belong to one flight. Findings carry the later state's place.
 void check_continuity(const flight::FlightState& a, const flight::FlightState& b, double step_s,
-                      const flight::Limits& limits, Findings& findings) {
+                      const flight::Limits& limits, const flight::Wind& wind, Findings& findings) {
+  const flight::FlightState air_a = through_air(a, wind);
+  const flight::FlightState air_b = through_air(b, wind);
   if (!(std::fabs(b.time_s - a.time_s - step_s) <= kTimeRounding_s)) {
     findings.add("time_step", b, b.time_s - a.time_s, step_s);
   }
   const double tan_a = elementary::tan(a.bank_rad);
   const double tan_b = elementary::tan(b.bank_rad);
   const double tan_bank = std::max(std::fabs(tan_a), std::fabs(tan_b));
-  const double speed_mps = std::max(std::min(a.speed_mps, b.speed_mps), 1.0);
+  const double speed_mps = std::max(std::min(air_a.speed_mps, air_b.speed_mps), 1.0);
   const double secant_squared = 1.0 + tan_bank * tan_bank;
 
   // Second derivative of g tan(bank), with roll rate p: g sec^2 (p' + 2 p^2 tan). Divided by speed
@@ -169,11 +172,11 @@ void check_continuity(const flight::FlightState& a, const flight::FlightState& b
                 kPositionRounding_m},
                findings);
   check_change("continuity_heading", b, step_s,
-               {wrap_to_pi(grid_from_true_azimuth_rad(b.heading_true_rad, b.convergence_rad) -
-                           grid_from_true_azimuth_rad(a.heading_true_rad, a.convergence_rad)),
-                kGravity_mps2 * tan_a / std::max(a.speed_mps, 1.0),
-                kGravity_mps2 * tan_b / std::max(b.speed_mps, 1.0), turn_curvature_mps4 / speed_mps,
-                kAngleRounding_rad},
+               {wrap_to_pi(grid_from_true_azimuth_rad(air_b.heading_true_rad, b.convergence_rad) -
+                           grid_from_true_azimuth_rad(air_a.heading_true_rad, a.convergence_rad)),
+                kGravity_mps2 * tan_a / std::max(air_a.speed_mps, 1.0),
+                kGravity_mps2 * tan_b / std::max(air_b.speed_mps, 1.0),
+                turn_curvature_mps4 / speed_mps, kAngleRounding_rad},
                findings);
   const double attitude_jerk_radps3 = kRollAcceleration_radps2 / kResponseTime_s;
   check_change("continuity_bank", b, step_s,
@@ -208,7 +211,7 @@ void check_continuity(const flight::FlightState& a, const flight::FlightState& b
           kRollAcceleration_radps2 * step_s + kAngleRounding_rad);
   at_most("continuity_pitch_rate", b.pitch_rate_radps - a.pitch_rate_radps,
           kRollAcceleration_radps2 * step_s + kAngleRounding_rad);
-  at_most("continuity_speed", b.speed_mps - a.speed_mps,
+  at_most("continuity_speed", air_b.speed_mps - air_a.speed_mps,
           kGravity_mps2 * elementary::tan(limits.pitch_max_rad) * step_s * (1.0 + kLimitRounding) +
               kSpeedRounding_mps);
 }
@@ -323,6 +326,26 @@ void check_via(const std::vector<flight::FlightState>& states,
 
 }  // namespace
 
+flight::Wind wind_of(const flight::Conditions& conditions, double convergence_rad) {
+  const double to_grid_rad = conditions.wind_from_true_rad - convergence_rad + std::numbers::pi;
+  return conditions.wind_mps > 0.0
+             ? flight::Wind{conditions.wind_mps * elementary::sin(to_grid_rad),
+                            conditions.wind_mps * elementary::cos(to_grid_rad)}
+             : flight::Wind{};
+}
+
+flight::FlightState through_air(const flight::FlightState& state, const flight::Wind& wind) {
+  flight::FlightState result = state;
+  if (wind.east_mps != 0.0 || wind.north_mps != 0.0) {
+    const Velocity ground = velocity_of(state);
+    const Velocity air{ground.x_mps - wind.east_mps, ground.y_mps - wind.north_mps};
+    result.speed_mps = length_of(air);
+    result.heading_true_rad =
+        wrap_to_two_pi(elementary::atan2(air.x_mps, air.y_mps) + state.convergence_rad);
+  }
+  return result;
+}
+
 double load_factor_of(const flight::FlightState& state) {
   const double up = 1.0 + state.vertical_acceleration_mps2 / kGravity_mps2;
   const double across = elementary::tan(state.bank_rad);
@@ -390,9 +413,10 @@ flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory
       findings.add("finite", state, kNan, 0.0);
       continue;
     }
-    check_limits(state, limits, findings);
+    const flight::FlightState in_air = through_air(state, demands.wind);
+    check_limits(in_air, limits, findings);
     if (demands.power) {
-      check_power(state, *demands.power, findings);
+      check_power(in_air, *demands.power, findings);
     }
     if (map.geometry.contains(state.point())) {
       check_columns(map, projection ? &*projection : nullptr, state, findings);
@@ -405,8 +429,8 @@ flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory
         std::fmax(verdict.roll_rate_max_radps, std::fabs(state.roll_rate_radps));
     verdict.climb_rate_max_mps = std::fmax(verdict.climb_rate_max_mps, state.climb_rate_mps);
     verdict.descent_rate_max_mps = std::fmax(verdict.descent_rate_max_mps, -state.climb_rate_mps);
-    verdict.speed_min_mps = std::fmin(verdict.speed_min_mps, state.speed_mps);
-    verdict.speed_max_mps = std::fmax(verdict.speed_max_mps, state.speed_mps);
+    verdict.speed_min_mps = std::fmin(verdict.speed_min_mps, in_air.speed_mps);
+    verdict.speed_max_mps = std::fmax(verdict.speed_max_mps, in_air.speed_mps);
   }
   if (!(std::fabs(states.front().time_s) <= kTimeRounding_s)) {
     findings.add("time_step", states.front(), states.front().time_s, 0.0);
@@ -420,7 +444,7 @@ flight::Verdict verify(const map::Map& map, const flight::Trajectory& trajectory
     if (!is_finite(a) || !is_finite(b)) {
       continue;
     }
-    check_continuity(a, b, step_s, limits, findings);
+    check_continuity(a, b, step_s, limits, demands.wind, findings);
 
     const Sweep sweep =
         sweep_surface(map.surface_m, path_point(a), path_point(b), demands.ceiling_height_m);

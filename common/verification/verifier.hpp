@@ -10,6 +10,7 @@
 #include "flight/trajectory.hpp"
 #include "flight/vehicle.hpp"
 #include "flight/verdict.hpp"
+#include "flight/wind.hpp"
 #include "map/map.hpp"
 
 namespace hedgehop::verification {
@@ -25,6 +26,12 @@ struct PowerDemand {
 flight::VerticalRates rates_by_power(const PowerDemand& power, double airspeed_mps,
                                      double altitude_m);
 
+/// The wind of these conditions in the grid of a place, reckoned from azimuths.
+flight::Wind wind_of(const flight::Conditions& conditions, double convergence_rad);
+
+/// The same state with the speed and heading of its velocity through the air.
+flight::FlightState through_air(const flight::FlightState& state, const flight::Wind& wind);
+
 /// Section `verification` of the planning config: what a finished trajectory must hold.
 struct Demands {
   double required_clearance_m = 0.0;  // above the interpolated surface, everywhere on the path
@@ -34,7 +41,8 @@ struct Demands {
   double start_radius_m = 0.0;
   double via_radius_m = 0.0;  // within which each via point is passed, seen from above
   std::optional<PowerDemand> power =
-      std::nullopt;  // not of the section: a flight by the power curve
+      std::nullopt;        // not of the section: a flight by the power curve
+  flight::Wind wind = {};  // not of the section either: that the flight is made in
 };
 Demands read_demands(ConfigReader& reader);
 
@@ -65,6 +73,10 @@ double load_factor_of(const flight::FlightState& state);
 /// `states`, `finite`, `time_step`; `continuity_position`, `_altitude`, `_heading`, `_bank`,
 /// `_pitch`, `_speed`, `_climb_rate`,
 /// `_roll_rate`, `_pitch_rate`. Each state or step that breaks a rule counts once.
+///
+/// In wind the velocity over ground, as the states tell it, less the wind is that through the air:
+/// its speed is held against the limits and the power, and it turns as the bank says. The speeds of
+/// the verdict are airspeeds.
 ///
 /// Values of unknown things (a void, a state that is not finite) are NaN, also in the verdict's
 /// figures when nothing could be measured.

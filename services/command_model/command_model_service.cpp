@@ -57,6 +57,8 @@ CommandModelOptions read_command_model_options(ConfigReader reader) {
                   -wind_mps * elementary::cos(wind_from_rad)};
   ConfigReader follower = reader.required_section("path_following");
   options.path_following = command_model::read_follower_options(follower);
+  ConfigReader turbulence = reader.required_section("turbulence");
+  options.turbulence = command_model::read_turbulence_options(turbulence);
   reader.finish();
   reader.require(options.tick_period_s >= 0.001 && options.tick_period_s <= 0.05, "tick_period_s",
                  "must lie between 0.001 and 0.05");
@@ -66,6 +68,16 @@ CommandModelOptions read_command_model_options(ConfigReader reader) {
                  "catch_up_steps_max", "must lie between 1 and 100000");
   return options;
 }
+
+namespace {
+
+// In the wind that the route was planned for.
+planning::PlanningConfig config_of(const flight::RoutePlan& route) {
+  return planning::in_wind(planning::read_planning_config(route.config_text, "config of the route"),
+                           route.map.crs_wkt, route.start.point());
+}
+
+}  // namespace
 
 std::shared_ptr<const command_model::RotorPlant> shipped_rotor() {
   ConfigReader reader =
@@ -121,6 +133,13 @@ struct CommandModelService::Flight {
   [[nodiscard]] double limited_from(const Flight& before, double heading_rate_max_radps) const {
     return command_model::limited_heading_rad(
         before.command.heading_math_rad, command.heading_math_rad, heading_rate_max_radps * step_s);
+  }
+  // Through the air of the wind that is planned for, and over the ground.
+  [[nodiscard]] command_model::ModelState air_state() const {
+    return path ? command_model::through_air(state, model->vehicle().wind) : state;
+  }
+  [[nodiscard]] command_model::ModelState ground_state() const {
+    return path ? state : command_model::over_ground(state, model->vehicle().wind);
   }
   // Where on the path still ahead another trajectory begins, if it does.
   [[nodiscard]] std::optional<std::size_t> step_at(const flight::FlightState& first) const {
@@ -248,8 +267,7 @@ CommandModelService::Model CommandModelService::model_of(const Hash128& request_
   if (content == nullptr) {
     return nullptr;
   }
-  const planning::PlanningConfig config = planning::read_planning_config(
-      messages::decode_route_plan(*content).config_text, "config of the route");
+  const planning::PlanningConfig config = config_of(messages::decode_route_plan(*content));
   if (model_order_.size() == kKeptModels) {
     const Hash128 oldest = model_order_.front();
     model_order_.pop_front();
@@ -320,11 +338,11 @@ void CommandModelService::take_off_if_ready(Time now) {
   next->plan_id = header.plan.id;
   next->map_hash = header.map_hash;
   next->patch_number = header.patch_number;
-  next->config = std::make_shared<const planning::PlanningConfig>(
-      planning::read_planning_config(next->route.config_text, "config of the route"));
+  next->config = std::make_shared<const planning::PlanningConfig>(config_of(next->route));
   next->model = model;
   next->step_s = plan.trajectory.step_s;
-  next->state = command_model::model_state_of(plan.trajectory.states.front());
+  next->state =
+      command_model::model_state_of(plan.trajectory.states.front(), next->config->vehicle.wind);
   next->command = command_model::command_of(plan.trajectory.states.front());
   next->trajectory = std::move(plan.trajectory);
   prepare_path(*next);
@@ -346,10 +364,17 @@ void CommandModelService::prepare_path(Flight& flight) const {
     return;
   }
   const bool is_rotor = options_.plant == CommandModelOptions::Plant::kRotor;
+  const flight::Wind& planned = flight.config->vehicle.wind;
   flight.path = std::make_unique<command_model::PathFlight>(
       *flight.trajectory,
       is_rotor ? command_model::Plant(rotor_) : command_model::Plant(flight.model),
-      options_.path_following, options_.has_feed_forward, options_.wind);
+      options_.path_following, options_.has_feed_forward,
+      flight::Wind{planned.east_mps + options_.wind.east_mps,
+                   planned.north_mps + options_.wind.north_mps},
+      planned);
+  if (options_.turbulence.wind_6m_mps > 0.0) {
+    flight.path->add_turbulence(options_.turbulence);
+  }
   flight.rotor_power_max_w = is_rotor ? rotor_->power_max_w() : 0.0;
 }
 
@@ -376,7 +401,8 @@ void CommandModelService::react_to_news(Time now) {
     return;
   }
   const planning::FlightUnderPlan under_plan{&*flight_->trajectory, flight_->place(),
-                                             flight_->state, flight_->command.heading_math_rad};
+                                             flight_->air_state(),
+                                             flight_->command.heading_math_rad};
   auto answer = reaction_.answer(now, flight_->route.map.crs_wkt, *flight_->config, under_plan);
   if (!answer || answer->reaction.kind == planning::ReactionKind::kNone) {
     return;
@@ -454,8 +480,8 @@ void CommandModelService::take_over_if_targeted(Time now) {
     auto taken = std::make_unique<Flight>();
     taken->request_id = target_->request_id;
     taken->model = model;
-    taken->state =
-        flight_ && flight_->request_id == target_->request_id ? flight_->state : target_->state;
+    taken->state = flight_ && flight_->request_id == target_->request_id ? flight_->air_state()
+                                                                         : target_->state;
     taken->step_s = std::min(target_->step_s, 0.05);
     taken->start = now;
     next_flight_.reset();
@@ -533,11 +559,11 @@ void CommandModelService::publish_state(const Flight& flight) {
   message.request_id = flight.request_id;
   message.step_number = flight.steps_before + flight.step_number;
   message.flight_time_s = static_cast<double>(message.step_number) * flight.step_s;
-  message.state = flight.state;
+  message.state = flight.ground_state();
   message.command = flight.command;
   if (flight.trajectory) {
     message.heading_true_rad =
-        true_from_grid_azimuth_rad(azimuth_from_math_angle_rad(flight.state.heading_math_rad),
+        true_from_grid_azimuth_rad(azimuth_from_math_angle_rad(message.state.heading_math_rad),
                                    flight.trajectory->states[flight.place()].convergence_rad);
   }
   bus_.publish(messages::kVehicleStateChannel, message, flight.time_of(flight.step_number));

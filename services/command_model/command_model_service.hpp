@@ -32,7 +32,8 @@ struct CommandModelOptions {
   enum class Plant : std::uint8_t { kReplay, kClosedLoop, kRotor };
   Plant plant = Plant::kReplay;
   bool has_feed_forward = false;
-  command_model::Wind wind;  // that the plants fly in, but for kReplay
+  command_model::Wind wind;  // beside the one that was planned for, but for kReplay
+  command_model::TurbulenceOptions turbulence;  // likewise
   command_model::FollowerOptions path_following;
 };
 CommandModelOptions read_command_model_options(ConfigReader reader);

@@ -42,6 +42,45 @@ TEST(CommandModel, TrimmedFlightStaysOnAStraightLine) {
   EXPECT_NEAR(state.climb_rate_mps, 3.0, 1e-12);
 }
 
+// A turn at constant bank is a circle in the air; over the ground it is the trochoid
+// x(t) = r sin(V t / r) + w_x t, y(t) = r (1 - cos(V t / r)) + w_y t.
+TEST(CommandModel, AConstantBankInWindFliesTheTrochoid) {
+  Vehicle vehicle = shipped_vehicle();
+  vehicle.wind = {-9.0, 5.0};
+  const CommandModel model(vehicle);
+  ModelState state = level_flight(40.0);
+  state.bank_left_rad = model.bank_command_max_rad();
+  const double radius_m = 40.0 * 40.0 / (9.80665 * std::tan(state.bank_left_rad));
+  for (int i = 1; i <= 1200; ++i) {
+    state = model.step(state, {40.0, state.heading_math_rad + 3.0, 0.0}, 0.05);
+    const double t = 0.05 * i;
+    const double turned_rad = 40.0 * t / radius_m;
+    EXPECT_NEAR(state.x_m, radius_m * std::sin(turned_rad) - 9.0 * t, 0.01);
+    EXPECT_NEAR(state.y_m, radius_m * (1.0 - std::cos(turned_rad)) + 5.0 * t, 0.01);
+    EXPECT_EQ(state.speed_mps, 40.0);
+  }
+}
+
+TEST(CommandModel, WindOnlyCarriesTheFlightAlong) {
+  Vehicle vehicle = shipped_vehicle();
+  const CommandModel calm(vehicle);
+  vehicle.wind = {4.0, -11.0};
+  const CommandModel windy(vehicle);
+  ModelState a = level_flight(40.0);
+  ModelState b = a;
+  for (int i = 1; i <= 400; ++i) {
+    const Command command{35.0 + 5.0 * std::sin(0.03 * i), std::sin(0.02 * i),
+                          4.0 * std::sin(0.05 * i)};
+    a = calm.step(a, command, 0.05);
+    b = windy.step(b, command, 0.05);
+    EXPECT_NEAR(b.x_m - a.x_m, 4.0 * 0.05 * i, 1e-9);
+    EXPECT_NEAR(b.y_m - a.y_m, -11.0 * 0.05 * i, 1e-9);
+    EXPECT_EQ(b.heading_math_rad, a.heading_math_rad);
+    EXPECT_EQ(b.speed_mps, a.speed_mps);
+    EXPECT_EQ(b.altitude_m, a.altitude_m);
+  }
+}
+
 TEST(CommandModel, RollInFollowsTheSecondOrderStepResponse) {
   Vehicle vehicle = shipped_vehicle();
   vehicle.limits.roll_rate_max_radps = 100.0;

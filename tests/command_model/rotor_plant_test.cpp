@@ -229,6 +229,52 @@ TEST(PathFlight, BothPlantsKeepAWindingPathWithFeedForwardWithAndWithoutWind) {
   }
 }
 
+TEST(RotorPlant, AnUpdraftLiftsByBladeElementsAndMomentumTheory) {
+  const RotorPlant plant(shipped_rotor());
+  const RotorParameters& p = plant.parameters();
+  const RotorState state = plant.trimmed(0, 0, 0.0, 40.0, 0.0, 0.0, {});
+  const Command command{40.0, 0.0, 0.0};
+  const double calm_mps = plant.step(state, command, {}, 0.01).climb_rate_mps;
+  const double lifted_mps = plant.step(state, command, {}, 0.01, 2.0).climb_rate_mps;
+  // C_T = a s / 4 (w / V_tip - lambda), lambda = C_T / (2 mu): with 1.225 kg/m3, mu = 40 / 211,
+  // a s = 5.7 * 0.072 = 0.4104, dC_T / dw = a s / 4 / (1 + a s / (8 mu)) = 0.0807, so 2 m/s give
+  // 1.225 * 81.71 * 211 * 0.0807 * 2 = 3411 N, and the airframe's drag is 1.225 / 2 * 1.3 * 40 * 2
+  // = 64 N upwards, of 2700 kg: 1.287 m/s2.
+  EXPECT_NEAR((lifted_mps - calm_mps) / 0.01, 1.287, 0.01);
+  EXPECT_EQ(p.lift_slope_1prad, 5.7);
+  // The rising air does some of the work.
+  EXPECT_LT(plant.power(state, {}, 2.0).total_w(), plant.power(state, {}).total_w());
+}
+
+TEST(PathFlight, TurbulenceShakesBothPlantsMoreTheStrongerItIsAndTheSameEachTime) {
+  flight::Trajectory path;  // straight and level, 30 m above the ground
+  path.step_s = 0.05;
+  for (int i = 0; i < 2400; ++i) {
+    flight::FlightState s;
+    s.x_m = 2.0 * i;
+    s.altitude_m = 30.0;
+    s.speed_mps = 40.0;
+    s.heading_true_rad = 0.5 * std::numbers::pi;
+    path.states.push_back(s);
+  }
+  for (const Plant& plant : {closed_loop(), rotor()}) {
+    const auto flown = [&](double wind_6m_mps, std::uint64_t seed) {
+      return flown_path(path, plant, shipped_follower(), true, {}, {}, {wind_6m_mps, seed});
+    };
+    const PathRecord calm = flown(0.0, 3).record();
+    const PathRecord light = flown(4.0, 3).record();
+    const PathFlight strong = flown(12.0, 3);
+    EXPECT_TRUE(strong.has_arrived()) << plant.index();
+    EXPECT_GT(light.vertical_rms_m(), calm.vertical_rms_m()) << plant.index();
+    EXPECT_GT(strong.record().vertical_rms_m(), light.vertical_rms_m()) << plant.index();
+    EXPECT_GT(strong.record().horizontal_rms_m(), light.horizontal_rms_m()) << plant.index();
+    EXPECT_LT(strong.record().horizontal_max_m, 30.0) << plant.index();
+    EXPECT_LT(strong.record().below_max_m, 15.0) << plant.index();
+    EXPECT_EQ(flown(12.0, 3).record().below_max_m, strong.record().below_max_m);
+    EXPECT_NE(flown(12.0, 4).record().below_max_m, strong.record().below_max_m);
+  }
+}
+
 TEST(PathFlight, AWindingPathIsKeptWithThePlansStatesAndWithItsLineAlone) {
   const flight::Trajectory path = winding_path();
   flight::Trajectory line = path;

@@ -44,15 +44,15 @@ TEST(SlopeLimits, NeverGrowWithAltitudeAndNeverExceedWhatTheyCameFrom) {
   EXPECT_FALSE(limits.is_symmetric());
   SlopeLimits::Tangents before = limits.greatest();
   for (double altitude_m = -600.0; altitude_m < 9500.0; altitude_m += 7.3) {
-    const SlopeLimits::Tangents here = limits.at(altitude_m);
+    const SlopeLimits::Tangents here = limits.at_most(altitude_m);
     EXPECT_LE(here.up, before.up);
     EXPECT_LE(here.down, before.down);
     EXPECT_LE(here.up, std::min(0.11, at(std::clamp(altitude_m, -500.0, 9000.0)).up) + 2e-4);
     EXPECT_LE(here.down, 0.15);
     before = here;
   }
-  EXPECT_NEAR(limits.at(9500.0).up, 0.08, 1e-4);  // of the least crest of the sine
-  EXPECT_NEAR(limits.at(8000.0).down, 0.12, 1e-9);
+  EXPECT_NEAR(limits.at_most(9500.0).up, 0.08, 1e-4);  // of the least crest of the sine
+  EXPECT_NEAR(limits.at_most(8000.0).down, 0.12, 1e-9);
 }
 
 TEST(SlopeLimits, ALegFlownBackwardsExchangesClimbAndDescent) {
@@ -161,7 +161,7 @@ TEST(SlopeLimits, ARidgeThatIsHighEnoughIsClimbedAsFlatAsItsTopAsksFor) {
     const Waypoint& a = route.waypoints[i - 1];
     const Waypoint& b = route.waypoints[i];
     EXPECT_LE(slope(a, b),
-              options.vehicle_slopes->at(std::max(a.altitude_m, b.altitude_m)).up + 1e-9);
+              options.vehicle_slopes->at_most(std::max(a.altitude_m, b.altitude_m)).up + 1e-9);
     high_m = std::max(high_m, b.altitude_m);
   }
   EXPECT_GT(high_m, 600.0);

@@ -27,7 +27,7 @@ class ClimbProfile : public ::testing::Test {
         command_model::trimmed_state(x_m, 1500.0, altitude_m, 40.0, 0.0, climb_rate_mps);
     const command_model::StateTrigonometry trigonometry = command_model::trigonometry_of(state);
     const auto by = [&](Kernel kernel) {
-      ClimbForecast forecast(surroundings, guide, model_, 300.0, 20.0, options,
+      ClimbForecast forecast(surroundings, guide, model_, 300.0, 20.0, options, 40.0,
                              step_kernels(kernel));
       return forecast.ahead(state, trigonometry, x_m, 0.0, 0.0);
     };
@@ -83,7 +83,7 @@ TEST_F(ClimbProfile, FlyingTheRateClearsTheStep) {
   const risk::CostModel costs = test::test_costs(map);
   const Surroundings surroundings(costs, 350.0, 40.0, 0.0, 0.0);
   const Guide guide({{0, 1500, 0}, {3000, 1500, 0}});
-  ClimbForecast forecast(surroundings, guide, model_, 300.0, 20.0, kUsual,
+  ClimbForecast forecast(surroundings, guide, model_, 300.0, 20.0, kUsual, 40.0,
                          step_kernels(Kernel::kBest));
   for (const double sink_mps : {0.0, -4.0, -8.0}) {
     auto state =

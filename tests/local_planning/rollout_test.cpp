@@ -107,7 +107,7 @@ class RolloutOverLevelGround : public ::testing::Test {
     surroundings.pack(kTube_m);
     const Guide guide({{0, 1500, 0}, {3000, 1500, 0}});
     Rollout rollout(surroundings, guide, model_, 300.0, kSafetyHeight_m, kProfile, kOptions,
-                    weights(), Kernel::kBest);
+                    weights(), 40.0, Kernel::kBest);
     const auto state = command_model::trimmed_state(x_m, 1500.0, altitude_m, 40.0, 0.0, 0.0);
     DirectionQuestion question{0.0, 0.0, 0.0, std::tan(-10.0 * kPi / 180.0), 0.18, share};
     return rollout.choose(state, command_model::trigonometry_of(state), x_m, question, 0.0, 0.0,
@@ -170,10 +170,14 @@ TEST(RolloutKernels, AllInstructionSetsGiveTheBitsOfThePlainForm) {
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
-  const command_model::CommandModel model(test::shipped_vehicle());
   int chosen = 0;
   int none = 0;
   for (int trial = 0; trial < 40; ++trial) {
+    command_model::Vehicle vehicle = test::shipped_vehicle();
+    if (trial % 2 == 1) {
+      vehicle.wind = {uniform(-7.0, 7.0), uniform(-7.0, 7.0)};
+    }
+    const command_model::CommandModel model(vehicle);
     const double cell_m = std::vector<double>{30.0, 10.0, 5.0}[random() % 3];
     const int size = static_cast<int>(1500.0 / cell_m);
     const double relief_m = uniform(10.0, 200.0);
@@ -195,7 +199,7 @@ TEST(RolloutKernels, AllInstructionSetsGiveTheBitsOfThePlainForm) {
     cost.climb = uniform(0.0, 1.0);
     const auto with = [&](Kernel kernel) {
       return Rollout(surroundings, guide, model, 300.0, kSafetyHeight_m, kProfile, options, cost,
-                     kernel);
+                     40.0, kernel);
     };
     Rollout plain = with(Kernel::kPlain);
     for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {

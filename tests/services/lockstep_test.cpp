@@ -43,16 +43,14 @@ class LockstepTest : public ::testing::Test {
     planner_.join();
   }
 
-  void ask() {
-    request_ = chain_.ask(test::across_the_hills(map_), map_.hash, shipped_planning().text);
-  }
+  void ask() { request_ = chain_.ask(test::across_the_hills(map_), map_.hash, config_.text); }
   bool arrives(double timeout_s) {
     return chain_.turn_until([&] { return chain_.plan().has_value(); }, timeout_s);
   }
   void expect_the_trajectory_of_one_process() {
     SilentObserver observer;
     const auto wanted = std::get<flight::Plan>(
-        planning::plan(map_, test::across_the_hills(map_), shipped_planning(), {}, observer));
+        planning::plan(map_, test::across_the_hills(map_), config_, {}, observer));
     const messages::TrajectoryHeader& header = chain_.trajectories.back();
     EXPECT_EQ(header.plan, chain_.listener().exchange.offer_records(
                                messages::encode_flight_plan(wanted, header.route.id),
@@ -66,6 +64,7 @@ class LockstepTest : public ::testing::Test {
   }
 
   map::Map map_ = test::small_hills();
+  planning::PlanningConfig config_ = shipped_planning();
   test::InProcessChain chain_;
   test::Station station_;
   services::LocalPlannerService service_;
@@ -80,6 +79,17 @@ TEST_F(LockstepTest, TheModelOfAnotherProcessFliesTheSameTrajectory) {
   ASSERT_TRUE(arrives(60.0));
   expect_the_trajectory_of_one_process();
   EXPECT_GT(chain_.vehicle_states.size(), 2000U);
+}
+
+TEST_F(LockstepTest, InWindTheModelOfAnotherProcessFliesTheSameTrajectoryToo) {
+  config_ = planning::read_planning_config(
+      planning::effective_planning_config(
+          "", {"conditions.wind_mps=12", "conditions.wind_from_deg=200"}),
+      "windy");
+  chain_.add_command_model();
+  ask();
+  ASSERT_TRUE(arrives(60.0));
+  expect_the_trajectory_of_one_process();
 }
 
 TEST_F(LockstepTest, LostAndRepeatedAnswersChangeNothing) {

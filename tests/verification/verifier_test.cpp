@@ -802,5 +802,116 @@ TEST(ReadDemands, ReadsTheShippedConfigAndRefusesNonsense) {
   EXPECT_THROW(read_demands(bad), ConfigError);
 }
 
+// A flight through the air, carried along: what a plan made in wind says of itself.
+flight::Trajectory carried(flight::Trajectory trajectory, const flight::Wind& wind,
+                           const map::Map& map) {
+  for (flight::FlightState& state : trajectory.states) {
+    const double azimuth_rad = state.heading_true_rad - state.convergence_rad;
+    const double east_mps = state.speed_mps * std::sin(azimuth_rad) + wind.east_mps;
+    const double north_mps = state.speed_mps * std::cos(azimuth_rad) + wind.north_mps;
+    state.x_m += wind.east_mps * state.time_s;
+    state.y_m += wind.north_mps * state.time_s;
+    state.speed_mps = std::hypot(east_mps, north_mps);
+    const double true_rad = std::atan2(east_mps, north_mps) + state.convergence_rad;
+    state.heading_true_rad = true_rad - 2.0 * test::kPi * std::floor(true_rad / (2.0 * test::kPi));
+    state.surface_m = raster::sample_bilinear(map.surface_m, state.point());
+    state.terrain_m = raster::sample_bilinear(map.terrain_m, state.point());
+  }
+  return trajectory;
+}
+
+TEST(VerifierInWind, AFlightThatTheWindCarriesAlongIsVerifiedInThatWindAlone) {
+  const map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 0.0; });
+  const std::uint64_t seed = test::fresh_seed();
+  std::mt19937_64 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int refused = 0;
+  for (int i = 0; i < 30; ++i) {
+    Manoeuvre manoeuvre = test::random_manoeuvre(random, test::test_limits());
+    manoeuvre.x_m = manoeuvre.y_m = 3000.0;
+    manoeuvre.altitude_m = 400.0;
+    const double to_rad = uniform(0.0, 6.28);
+    const flight::Wind wind{12.0 * std::cos(to_rad), 12.0 * std::sin(to_rad)};
+    const flight::Trajectory flown = carried(fly(manoeuvre, map), wind, map);
+    Demands demands = test_demands();
+    demands.share_under_ceiling_min = 0.0;
+    refused += verdict_of(map, flown, demands).is_verified ? 0 : 1;
+    demands.wind = wind;
+    const flight::Verdict verdict = verdict_of(map, flown, demands);
+    EXPECT_TRUE(verdict.is_verified) << seed << ": " << list_of(verdict);
+    EXPECT_GE(verdict.speed_min_mps, test::test_limits().speed_min_mps * (1.0 - 1e-9));
+  }
+  EXPECT_EQ(refused, 30) << seed;
+}
+
+// The same circle over the ground of 330 m radius, flown at an airspeed of 40 m/s: without wind it
+// takes atan(40^2 / (330 g)) = 26.3 degrees of bank. With 10 m/s the speed over ground is 50 m/s
+// where the wind is behind, and 37.7 degrees are needed there, 30 are allowed.
+flight::Trajectory circled(double wind_mps, const map::Map& map) {
+  constexpr double kRadius_m = 330.0;
+  flight::Trajectory trajectory;
+  trajectory.step_s = 0.05;
+  double angle_rad = 0.0;                     // of the place, from the middle, counter-clockwise
+  const auto speed_at = [&](double at_rad) {  // course at_rad + 90 degrees, wind to the north
+    const double along = wind_mps * std::cos(at_rad);
+    const double across = wind_mps * std::sin(at_rad);
+    return along + std::sqrt(1600.0 - across * across);
+  };
+  const auto bank_at = [&](double at_rad) {
+    const double speed = speed_at(at_rad);
+    const double cos_crab = std::sqrt(1.0 - std::pow(wind_mps * std::sin(at_rad) / 40.0, 2.0));
+    return -std::atan(speed * speed / (kRadius_m * test::kG_mps2 * cos_crab));  // left
+  };
+  for (int i = 0; i <= 600; ++i) {
+    flight::FlightState state;
+    state.time_s = 0.05 * i;
+    state.x_m = 3000.0 + kRadius_m * std::cos(angle_rad);
+    state.y_m = 3000.0 + kRadius_m * std::sin(angle_rad);
+    state.altitude_m = 50.0;
+    state.speed_mps = speed_at(angle_rad);
+    const double azimuth_rad = -angle_rad;  // of the course angle_rad + 90 degrees
+    state.heading_true_rad =
+        azimuth_rad - 2.0 * test::kPi * std::floor(azimuth_rad / (2.0 * test::kPi));
+    state.bank_rad = bank_at(angle_rad);
+    state.roll_rate_radps = (bank_at(angle_rad + 1e-5) - bank_at(angle_rad - 1e-5)) / 2e-5 *
+                            state.speed_mps / kRadius_m;
+    state.surface_m = state.terrain_m = raster::sample_bilinear(map.surface_m, state.point());
+    trajectory.states.push_back(state);
+    for (int k = 0; k < 50; ++k) {
+      angle_rad +=
+          0.001 * speed_at(angle_rad + 0.0005 * speed_at(angle_rad) / kRadius_m) / kRadius_m;
+    }
+  }
+  return trajectory;
+}
+
+TEST(VerifierInWind, ATurnThatIsTooSteepOnlyBecauseOfTheWindIsFound) {
+  const map::Map map = test::make_map(kCells, kCells, kCell_m, [](double, double) { return 0.0; });
+  const flight::Verdict calm = verdict_of(map, circled(0.0, map));
+  EXPECT_TRUE(calm.is_verified) << list_of(calm);
+
+  Demands demands = test_demands();
+  demands.wind = {0.0, 10.0};
+  const flight::Trajectory honest = circled(10.0, map);
+  const flight::Verdict steep = verdict_of(map, honest, demands);
+  ASSERT_FALSE(steep.is_verified);
+  for (const flight::Violation& violation : steep.violations) {
+    EXPECT_THAT(violation.rule, ::testing::AnyOf("bank", "load_factor"));
+  }
+  EXPECT_NEAR(steep.bank_max_rad, std::atan(50.0 * 50.0 / (330.0 * test::kG_mps2)), 1e-3);
+
+  // The same flight that claims the bank of calm air turns more than that bank turns it.
+  flight::Trajectory claimed = honest;
+  for (flight::FlightState& state : claimed.states) {
+    state.bank_rad = calm.bank_max_rad * -1.0;
+    state.roll_rate_radps = 0.0;
+  }
+  const flight::Verdict found = verdict_of(map, claimed, demands);
+  ASSERT_FALSE(found.is_verified);
+  EXPECT_EQ(found.violations.front().rule, "continuity_heading");
+}
+
 }  // namespace
 }  // namespace hedgehop::verification
