@@ -1379,6 +1379,7 @@ class Json(CliTest):
                 self.assertEqual(rows[plant, feed_forward, False]["within_margins"], 1, rows)
         self.assertIsNone(rows["closed_loop", True, True]["torque_margin_min"])
         self.assertLess(rows["rotor", True, True]["power_share_max"], 1.06)
+        self.assertFalse(any(row["turbulence"] for row in found["rows"]))
 
     def test_evaluate_verifier(self):
         found = self.one_object("evaluate", "verifier", "--map", self.map, "--plans", "2", "--seed", "5")
