@@ -44,6 +44,8 @@ constexpr std::array<Neighbour, 16> kNeighbours = {{
 constexpr auto kIsLater = [](const auto& a, const auto& b) {
   return a.cost_m != b.cost_m ? a.cost_m > b.cost_m : a.block > b.block;
 };
+// Slopes are averaged over blocks up to so far away to each side.
+constexpr double kSlopeReach_m = 200.0;
 constexpr int kFrame = 2;
 // How far a field that ends at a block is known beyond it.
 constexpr float kBeyond = 1.25F;
@@ -64,6 +66,7 @@ CostField::CostField(const raster::GridGeometry& cells, double block_m) {
     jump_.push_back(static_cast<std::ptrdiff_t>(kNeighbours[k].rows) * wide_ +
                     kNeighbours[k].columns);
   }
+  climb_m_.assign(density_.size(), 0.0F);
   cost_m_.assign(density_.size(), kInfinity);
 }
 
@@ -74,6 +77,7 @@ CostField::CostField(const FlightEnvelope& envelope, double block_m)
       density_[framed(column, row)] = mean_density(envelope, column, row);
     }
   }
+  take_climbs(envelope);
   if (!envelope.costs().has_slope()) {
     return;
   }
@@ -100,13 +104,13 @@ CostField::CostField(const CostField& blocks, const geo::MapPoint& target,
   spread(blocks_.contains(last) ? framed(last.column, last.row) : kNoBlock);
 }
 
-std::optional<CostField> CostField::with_densities(const raster::GridGeometry& cells,
-                                                   double block_m, std::vector<float> densities) {
+std::optional<CostField> CostField::with_numbers(const raster::GridGeometry& cells, double block_m,
+                                                 std::vector<float> numbers) {
   CostField field(cells, block_m);
   const std::size_t blocks = field.density_.size();
-  if (densities.size() == 4 * blocks) {
+  if (numbers.size() == 5 * blocks) {
     for (std::size_t i = 0; i < blocks; ++i) {
-      const float* form = densities.data() + blocks + 3 * i;
+      const float* form = numbers.data() + 2 * blocks + 3 * i;
       // No direction may cost less than nothing.
       if (!(form[0] >= 0.0F && form[2] >= 0.0F && std::isfinite(form[0]) &&
             std::isfinite(form[2]) &&
@@ -115,11 +119,17 @@ std::optional<CostField> CostField::with_densities(const raster::GridGeometry& c
       }
       field.slope_.push_back({form[0], form[1], form[2]});
     }
-    densities.resize(blocks);
+    numbers.resize(2 * blocks);
   }
-  if (densities.size() != blocks) {
+  if (numbers.size() != 2 * blocks) {
     return std::nullopt;
   }
+  const auto densities = numbers.begin() + static_cast<std::ptrdiff_t>(blocks);
+  if (!std::all_of(numbers.begin(), densities,
+                   [](float climb_m) { return std::isfinite(climb_m); })) {
+    return std::nullopt;
+  }
+  field.climb_m_.assign(numbers.begin(), densities);
   // A metre costs at least 1, and nothing leads through the frame.
   for (int row = -kFrame; row < field.blocks_.rows + kFrame; ++row) {
     for (int column = -kFrame; column < field.blocks_.columns + kFrame; ++column) {
@@ -130,12 +140,13 @@ std::optional<CostField> CostField::with_densities(const raster::GridGeometry& c
       }
     }
   }
-  field.density_ = std::move(densities);
+  field.density_.assign(densities, numbers.end());
   return field;
 }
 
-std::vector<float> CostField::densities() const {
-  std::vector<float> numbers = density_;
+std::vector<float> CostField::numbers() const {
+  std::vector<float> numbers = climb_m_;
+  numbers.insert(numbers.end(), density_.begin(), density_.end());
   for (const std::array<float, 3>& form : slope_) {
     numbers.insert(numbers.end(), form.begin(), form.end());
   }
@@ -198,12 +209,74 @@ std::array<float, 3> CostField::mean_slope(const FlightEnvelope& envelope, int c
           static_cast<float>(share * sum[2])};
 }
 
+// Sums over the cells of each block, then over the blocks around, column by column and row by row.
+void CostField::take_climbs(const FlightEnvelope& envelope) {
+  const raster::Grid<float>& surface_m = envelope.costs().map().surface_m;
+  struct Sum {
+    double height_m = 0.0;
+    double cells = 0.0;
+    void add(const Sum& other, double sign) {
+      height_m += sign * other.height_m;
+      cells += sign * other.cells;
+    }
+  };
+  raster::Grid<Sum> sums(blocks_, {});
+  for (int row = 0; row < surface_m.geometry().rows; ++row) {
+    for (int column = 0; column < surface_m.geometry().columns; ++column) {
+      if (const auto height_m = static_cast<double>(surface_m.at(column, row));
+          !std::isnan(height_m)) {
+        sums.at(column / factor_, row / factor_).add({height_m, 1.0}, 1.0);
+      }
+    }
+  }
+  const int around = std::max(1, static_cast<int>(std::floor(kSlopeReach_m / blocks_.cell_m)));
+  std::vector<Sum> line;
+  const auto spread_line = [&](int count, const auto& at) {
+    line.assign(static_cast<std::size_t>(count), {});
+    for (int i = 0; i < count; ++i) {
+      line[static_cast<std::size_t>(i)] = at(i);
+    }
+    Sum sum;
+    for (int i = -around; i < count; ++i) {
+      if (i + around < count) {
+        sum.add(line[static_cast<std::size_t>(i + around)], 1.0);
+      }
+      if (i - around > 0) {
+        sum.add(line[static_cast<std::size_t>(i - around - 1)], -1.0);
+      }
+      if (i >= 0) {
+        at(i) = sum;
+      }
+    }
+  };
+  for (int row = 0; row < blocks_.rows; ++row) {
+    spread_line(blocks_.columns, [&](int i) -> Sum& { return sums.at(i, row); });
+  }
+  for (int column = 0; column < blocks_.columns; ++column) {
+    spread_line(blocks_.rows, [&](int i) -> Sum& { return sums.at(column, i); });
+  }
+  const SlopeLimits::Tangents limits = envelope.slopes().greatest();
+  const double tangent = std::max(limits.up, limits.down);
+  if (!(tangent > 0.0)) {
+    return;
+  }
+  for (int row = 0; row < blocks_.rows; ++row) {
+    for (int column = 0; column < blocks_.columns; ++column) {
+      const Sum& sum = sums.at(column, row);
+      if (sum.cells > 0.5) {
+        climb_m_[framed(column, row)] = static_cast<float>(sum.height_m / (sum.cells * tangent));
+      }
+    }
+  }
+}
+
 float CostField::step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const {
-  const auto half_block_m = static_cast<float>(0.5 * blocks_.cell_m);
   const Neighbour& step = kNeighbours[k];
+  const float half_m = 0.5F * std::max(static_cast<float>(blocks_.cell_m) * step.length,
+                                       std::fabs(climb_m_[from] - climb_m_[to]));
   const float densities = density_[from] + density_[to];
   if (slope_.empty()) {
-    return densities * (half_block_m * step.length);
+    return densities * half_m;
   }
   const auto dx = static_cast<float>(step.columns);
   const auto dy = static_cast<float>(step.rows);
@@ -213,7 +286,7 @@ float CostField::step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) 
       std::max((a[0] + b[0]) * (dx * dx) + (a[1] + b[1]) * (dx * dy) + (a[2] + b[2]) * (dy * dy),
                0.0F) /
       (step.length * step.length);
-  return (densities + slopes) * (half_block_m * step.length);
+  return (densities + slopes) * half_m;
 }
 
 void CostField::push(float cost_m, std::uint32_t block) {

@@ -14,13 +14,16 @@
 namespace hedgehop::global_planning {
 
 /// Cost of the way from each place of the map to one target, in plan view and as low as the
-/// envelope allows: what a route would cost if there were no climb limit, no turn limit and no
-/// wires. Slopes count by the direction of each step.
+/// envelope allows: about what a route would cost if there were no turn limit and no wires. What
+/// CostModel charges for slopes counts by the direction of each step.
 ///
 /// Cells are joined to blocks of about `block_m` that cost the mean of what their flyable cells
 /// cost; Dijkstra's method joins each block with sixteen neighbours. Such paths are up to 2.8 %
-/// longer than the straight ones they stand for; the field is divided by that. It guides a search;
-/// it is not a strict bound, as means hide what is narrower than a block. O(blocks log blocks).
+/// longer than the straight ones they stand for; the field is divided by that. A step up or down a
+/// slope that is steeper than the envelope's limit counts as long as the climb takes at that limit:
+/// a flight winds up there, or goes around. Slopes are those of the surface averaged over some 400
+/// m, since the height envelope evens out what is narrower. The field guides a search; it is not a
+/// strict bound, as means hide what is narrower than a block. O(blocks log blocks).
 class CostField {
  public:
   CostField(const FlightEnvelope& envelope, const geo::MapPoint& target, double block_m);
@@ -31,11 +34,11 @@ class CostField {
   /// dear where the cost is more than a quarter above that at `from`.
   CostField(const CostField& blocks, const geo::MapPoint& target, const geo::MapPoint& from);
 
-  /// What blocks cost, for files; with_densities() reverses it, and is null for numbers that cannot
-  /// be those of such a map.
-  [[nodiscard]] std::vector<float> densities() const;
-  static std::optional<CostField> with_densities(const raster::GridGeometry& cells, double block_m,
-                                                 std::vector<float> densities);
+  /// What the blocks are, for files; with_numbers() reverses it, and is null for numbers that
+  /// cannot be those of such a map.
+  [[nodiscard]] std::vector<float> numbers() const;
+  static std::optional<CostField> with_numbers(const raster::GridGeometry& cells, double block_m,
+                                               std::vector<float> numbers);
 
   /// Cost to the target [m], interpolated between block centres; infinity where no way leads there
   /// and outside the map.
@@ -67,6 +70,7 @@ class CostField {
   [[nodiscard]] float mean_density(const FlightEnvelope& envelope, int column, int row) const;
   [[nodiscard]] std::array<float, 3> mean_slope(const FlightEnvelope& envelope, int column,
                                                 int row) const;
+  void take_climbs(const FlightEnvelope& envelope);
   [[nodiscard]] float step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const;
   void push(float cost_m, std::uint32_t block);
   // Dijkstra's method from what is in the queue; ends somewhat beyond the block `last`.
@@ -79,6 +83,7 @@ class CostField {
   bool has_target_ = false;
   // With a frame of blocks that cannot be flown, which saves every test for the border.
   std::vector<float> density_;
+  std::vector<float> climb_m_;  // horizontal length that a climb from sea level takes
   // By direction, see risk::CostModel::slope_form(); empty where slopes cost nothing.
   std::vector<std::array<float, 3>> slope_;
   std::vector<float> cost_m_;  // not yet divided by the metrication

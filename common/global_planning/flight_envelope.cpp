@@ -15,6 +15,7 @@ constexpr float kNaNFloat = std::numeric_limits<float>::quiet_NaN();
 
 // A start exactly on the floor must not fail by the rounding of its own height.
 constexpr double kHeightTolerance_m = 1e-6;
+constexpr double kHigher_m = 10.0;  // over which the cost of a metre of height is taken
 
 // Greatest of the values within `half_width` columns of each column; NaN wins, outside counts as
 // NaN.
@@ -619,14 +620,15 @@ std::vector<double> FlightEnvelope::crossings(const geo::MapPoint& a,
 
 FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo::MapPoint& b,
                                                const AltitudeBand& altitudes,
-                                               const FollowRules& rules) const {
+                                               const FollowRules& rules, double owed_m) const {
   const double dx_m = b.x_m - a.x_m;
   const double dy_m = b.y_m - a.y_m;
   const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m);
   const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / rules.step_m)));
   const double inverse_leg_1pm = has_slope_ && leg_m > 0.0 ? 1.0 / leg_m : 0.0;
-  Arrival result{altitudes, 0.0};
+  Arrival result{altitudes, 0.0, owed_m};
   double sum = 0.0;
+  double climbs_m = 0.0;
   // To the next place, `share` of the leg farther; false if no altitude is left there.
   const auto advance = [&](double t, double share) {
     const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
@@ -648,6 +650,7 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
     }
     const Sample here = sample(point.x_m, point.y_m);
     const double margin_m = rules.margin_m * spare_share(point);
+    const double before_m = result.altitudes.low_m;
     result.altitudes.low_m = std::max(result.altitudes.low_m - fall_m, here.band.low_m + margin_m);
     result.altitudes.high_m =
         std::min(result.altitudes.high_m + rise_m, here.band.high_m - margin_m);
@@ -657,10 +660,23 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
         (here.is_in_funnel && is_in_hard_area(here, point, result.altitudes.low_m))) {
       return false;
     }
-    sum += share * density(here, point, result.altitudes.low_m);
+    const double low_density = density(here, point, result.altitudes.low_m);
+    sum += share * low_density;
     if (has_slope_) {
       sum += share * costs_->slope_density(number_of(*here.nearest), dx_m * inverse_leg_1pm,
                                            dy_m * inverse_leg_1pm);
+    }
+    if (rules.counts_climbs && rise_m > 0.0) {
+      const double owed_before_m = result.owed_m;
+      result.owed_m = std::max(0.0, owed_before_m + (result.altitudes.low_m - before_m) - rise_m);
+      if (result.owed_m > owed_before_m) {
+        const double per_metre =
+            (density(here, point, result.altitudes.low_m + kHigher_m) - low_density) / kHigher_m;
+        // What is owed more raises the flight on the climb so far and on the level before it.
+        const double area_m2 = 0.5 * (result.owed_m + owed_before_m) * leg_m * share *
+                               (1.0 + (result.owed_m - owed_before_m) / rise_m);
+        climbs_m += std::max(per_metre, 0.0) * area_m2;
+      }
     }
     return true;
   };
@@ -685,7 +701,7 @@ FlightEnvelope::Arrival FlightEnvelope::follow(const geo::MapPoint& a, const geo
       }
     }
   }
-  result.cost_m = sum * leg_m;
+  result.cost_m = sum * leg_m + climbs_m;
   if (has_wires_) {
     result.cost_m += costs_->wire_cost_m(a, b);
   }

@@ -107,6 +107,7 @@ class FlightEnvelope {
   struct Arrival {
     AltitudeBand altitudes;  // all that can be had at b; not flyable if none
     double cost_m = 0.0;     // for the lowest of them all along the track
+    double owed_m = 0.0;     // with counts_climbs: what the flight is higher by before b
   };
   struct FollowRules {
     double step_m;              // the band is looked at this densely
@@ -114,12 +115,19 @@ class FlightEnvelope {
     double climb_share;         // of the climb limit
     bool at_crossings = false;  // look at the crossings() of the leg too
     bool is_backward = false;   // the flight comes from b: altitudes at b that lead to `altitudes`
+    /// Where the lowest altitudes rise faster than a flight can, it was higher before. Add what
+    /// that cost: on the rise, and as if the ground before were level, by what a metre of height
+    /// costs here.
+    bool counts_climbs = false;
   };
   /// Exact propagation of altitude intervals: the flight may have any of `altitudes` at a, and
   /// climbs or sinks within the limit between the places where the band is looked at. About 15 ns a
   /// place.
+  ///
+  /// @param owed_m  what the flight was already higher by at a than the lowest of `altitudes`.
   [[nodiscard]] Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b,
-                               const AltitudeBand& altitudes, const FollowRules& rules) const;
+                               const AltitudeBand& altitudes, const FollowRules& rules,
+                               double owed_m = 0.0) const;
 
   /// Where the straight leg crosses lines through cell centres, ascending shares of it in (0, 1).
   /// Between them the surface along the leg has no crest that is sharper than a parabola.

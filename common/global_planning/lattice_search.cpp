@@ -38,6 +38,7 @@ constexpr std::int64_t kAloneWork = 60000;
 struct Label {
   double cost_m;
   float low_m, high_m;
+  float owed_m;  // see FlightEnvelope::Arrival
   std::int32_t column, row;
   std::int32_t before;      // label, -1: start
   std::int32_t next;        // label of the same node and direction
@@ -158,7 +159,8 @@ class Search {
     return envelope_.follow(a, b,
                             {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
                             {is_end_leg ? kEndStep_m : kStep_m, spare_.margin_m, spare_.climb_share,
-                             is_end_leg, is_backward_});
+                             is_end_leg, is_backward_, true},
+                            static_cast<double>(from.owed_m));
   }
 
   void push(const Label& label, double key_m) {
@@ -189,8 +191,17 @@ class Search {
   // The free first leg, to every node around the start, and straight to the goal.
   void begin() {
     const double z_m = from_.altitude_m;
-    const Label start{
-        0.0, static_cast<float>(z_m), static_cast<float>(z_m), west_, south_, -1, -1, 0.0, 0.0, -1};
+    const Label start{0.0,
+                      static_cast<float>(z_m),
+                      static_cast<float>(z_m),
+                      0.0F,
+                      west_,
+                      south_,
+                      -1,
+                      -1,
+                      0.0,
+                      0.0,
+                      -1};
     labels_.push_back(start);
     const int reach = static_cast<int>(kEndLegMax_m / spacing_m_);
     for (int row = south_ - reach; row <= south_ + reach; ++row) {
@@ -259,6 +270,7 @@ class Search {
     Label label{from.cost_m + arrival.cost_m,
                 static_cast<float>(arrival.altitudes.low_m),
                 static_cast<float>(arrival.altitudes.high_m),
+                static_cast<float>(arrival.owed_m),
                 column,
                 row,
                 index,

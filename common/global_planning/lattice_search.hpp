@@ -37,8 +37,9 @@ struct LatticeResult {
 /// interval); one that costs more than another of the same node and direction and can do nothing
 /// that the other cannot is dropped, and so is a seventh.
 ///
-/// The cost of a track is that of its lowest altitudes as seen from behind: climbs that lie ahead
-/// are not in it, so it is a little too small. A CostField, counted more than once and still more
+/// The cost of a track is that of its lowest altitudes as seen from behind, and what it costs to be
+/// higher before a climb (FlightEnvelope::FollowRules::counts_climbs), so it is about that of its
+/// lowest profile. A CostField, counted more than once and still more
 /// when the search takes long, leads it to the goal: the first track found ends it. When the search
 /// from the start takes long, one from the goal joins it, in turns, with climbs and descents
 /// exchanged; its lattice lies around the goal. The spacing is at least two cells. Deterministic.

@@ -32,7 +32,7 @@ constexpr int kLabelsMax = 3;  // of one node and direction
 constexpr double kInflation = 1.5;
 constexpr std::int64_t kStopInterval = 256;
 
-constexpr std::array<char, 8> kMagic = {'H', 'H', 'R', 'O', 'A', 'D', '0', '1'};
+constexpr std::array<char, 8> kMagic = {'H', 'H', 'R', 'O', 'A', 'D', '0', '2'};
 
 struct Header {
   std::array<char, 8> magic;
@@ -379,18 +379,18 @@ Roadmap::Roadmap(const risk::CostModel& costs, const GlobalOptions& options, Obs
 }
 
 Bytes Roadmap::written(const Hash128& key) const {
-  const std::vector<float> densities = field_->densities();
+  const std::vector<float> numbers = field_->numbers();
   Header header;
   header.magic = kMagic;
   header.columns = columns_;
   header.rows = rows_;
   header.map_columns = cells_.columns;
   header.map_rows = cells_.rows;
-  header.field_numbers = static_cast<std::uint32_t>(densities.size());
+  header.field_numbers = static_cast<std::uint32_t>(numbers.size());
   header.places = {cells_.cell_m, cells_.west_m, cells_.south_m, spacing_m_, west_m_, south_m_};
   header.key = {key.high, key.low};
   const ByteView edges = std::as_bytes(std::span(edges_));
-  const ByteView field = std::as_bytes(std::span(densities));
+  const ByteView field = std::as_bytes(std::span(numbers));
   const ByteView head = std::as_bytes(std::span(&header, 1));
   Bytes bytes(head.begin(), head.end());
   bytes.insert(bytes.end(), edges.begin(), edges.end());
@@ -467,9 +467,9 @@ std::optional<Roadmap> Roadmap::read(ByteView bytes, const Hash128& key,
       return refused("it holds an edge that cannot be");
     }
   }
-  std::vector<float> densities(header.field_numbers);
-  std::memcpy(densities.data(), content.data() + edge_bytes, densities.size() * sizeof(float));
-  roadmap.field_ = CostField::with_densities(geometry, kFieldBlock_m, std::move(densities));
+  std::vector<float> numbers(header.field_numbers);
+  std::memcpy(numbers.data(), content.data() + edge_bytes, numbers.size() * sizeof(float));
+  roadmap.field_ = CostField::with_numbers(geometry, kFieldBlock_m, std::move(numbers));
   if (!roadmap.field_) {
     return refused("its blocks do not fit the map");
   }

@@ -410,6 +410,7 @@ TEST(BeyondCosts, AFieldOnAHillsideKnowsTheDirection) {
   const PlanningCase in(map, {.slope_along = 50.0});
   GlobalOptions options = shipped_global_options();
   options.end_funnel_m = 1.0;
+  options.climb_angle_max_rad = 0.3;  // the hillside is not too steep to be flown straight up
   const geo::MapPoint target{1815.0, 1815.0};
   const FlightEnvelope envelope(in.costs, options, in.above(600, 600), in.above(700, 600));
   const CostField field(envelope, target, 30.0);
@@ -421,13 +422,13 @@ TEST(BeyondCosts, AFieldOnAHillsideKnowsTheDirection) {
       FlightEnvelope(in.costs, options, in.above(600, 600), in.above(700, 600)), target, 90.0);
   EXPECT_NEAR(straight_on.cost_m({1815.0, 2715.0}), 900.0 / 1.0275, 15.0);
   // What is kept in a file is the same field.
-  const auto kept = CostField::with_densities(in.map.geometry, 30.0, field.densities());
+  const auto kept = CostField::with_numbers(in.map.geometry, 30.0, field.numbers());
   ASSERT_TRUE(kept);
   const CostField again(*kept, target, {600.0, 600.0});
   EXPECT_EQ(again.cost_m({2415.0, 2115.0}), field.cost_m({2415.0, 2115.0}));
-  auto broken = field.densities();
+  auto broken = field.numbers();
   broken.back() = -1.0F;
-  EXPECT_FALSE(CostField::with_densities(in.map.geometry, 30.0, broken));
+  EXPECT_FALSE(CostField::with_numbers(in.map.geometry, 30.0, broken));
 }
 
 TEST(BeyondCosts, ARoadmapKnowsThemAndIsReadBackAsItWasWritten) {

@@ -146,6 +146,47 @@ TEST(FlightEnvelope, ClimbLimitHoldsUpAndDown) {
   EXPECT_FALSE(envelope.is_climb_allowed(low, {1200.0, 1200.0, 50.0}));
 }
 
+TEST(FlightEnvelope, ClimbsThatATrackRunsIntoCostTheTriangleOfTheEarlierClimb) {
+  // 300 m of ground that rises by 40 %, level before and behind.
+  const double rise_m = 120.0;
+  const PlanningCase in(test::make_map(400, 60, 30.0,
+                                       [&](double x_m, double) {
+                                         return 100.0 +
+                                                std::clamp(0.4 * (x_m - 7005.0), 0.0, rise_m);
+                                       }),
+                        {0.0, 0.0, 0.0, 0.01});
+  GlobalOptions options = plain_options();
+  options.envelope_ceiling_m = 300.0;
+  options.lateral_margin_m = 0.0;
+  const FlightEnvelope envelope = envelope_of(in, options);
+  const double tangent = std::tan(options.climb_angle_max_rad);
+  const geo::MapPoint a{2000.0, 900.0};
+  const geo::MapPoint b{9000.0, 900.0};
+  const AltitudeBand any = envelope.band_at(a);
+  FlightEnvelope::FollowRules rules{5.0, 0.0, 1.0};
+  const FlightEnvelope::Arrival low = envelope.follow(a, b, any, rules);
+  rules.counts_climbs = true;
+  const FlightEnvelope::Arrival whole = envelope.follow(a, b, any, rules);
+  EXPECT_EQ(low.altitudes.low_m, whole.altitudes.low_m);
+  EXPECT_EQ(low.altitudes.high_m, whole.altitudes.high_m);
+  // A climb that ends at the top of the rise is so much above its foot.
+  const double foot_m = rise_m - tangent * 300.0;
+  EXPECT_NEAR(whole.cost_m - low.cost_m,
+              0.01 * (0.5 * foot_m * 300.0 + 0.5 * foot_m * foot_m / tangent), 5.0);
+  // 1600 m of level ground behind it are enough for what is owed to be forgotten.
+  EXPECT_EQ(whole.owed_m, 0.0);
+  // In two parts it is the same.
+  const geo::MapPoint middle{7200.0, 900.0};
+  const FlightEnvelope::Arrival first = envelope.follow(a, middle, any, rules);
+  EXPECT_NEAR(first.owed_m, (0.4 - tangent) * 195.0, 1.0);
+  const FlightEnvelope::Arrival second =
+      envelope.follow(middle, b, first.altitudes, rules, first.owed_m);
+  EXPECT_NEAR(first.cost_m + second.cost_m, whole.cost_m, 5.0);
+  // Flown the other way the rise is a descent, which altitudes follow without owing anything.
+  const FlightEnvelope::Arrival down = envelope.follow(b, a, envelope.band_at(b), rules);
+  EXPECT_EQ(down.owed_m, 0.0);
+}
+
 TEST(FlightEnvelope, LegCostIsTheIntegralOfEquationOne) {
   const std::uint64_t seed = test::fresh_seed();
   const PlanningCase in(test::make_fractal_map(seed, 150, 30.0, 3000.0, 120.0), kWeights);

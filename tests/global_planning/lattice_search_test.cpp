@@ -102,6 +102,37 @@ TEST(CostField, OverAPlainItIsTheDistanceUpToMetrication) {
   EXPECT_EQ(field.cost_m({-10.0, 50.0}), std::numeric_limits<double>::infinity());
 }
 
+TEST(CostField, AcrossAHillsideItIsTheDistanceAndUpWhatTheClimbTakes) {
+  const PlanningCase in(
+      test::make_map(200, 200, 30.0, [](double x_m, double) { return 100.0 + 0.3 * x_m; }),
+      kLengthOnly);
+  GlobalOptions options = test::shipped_global_options();
+  options.climb_angle_max_rad = std::atan(0.15);
+  options.descent_angle_max_rad = std::atan(0.1);
+  const geo::MapPoint target{3015.0, 3015.0};
+  const FlightEnvelope envelope(in.costs, options, in.above(1000, 1000), in.above(1500, 1000));
+  const CostField field(envelope, target, 30.0);
+  EXPECT_NEAR(field.cost_m({3015.0, 4515.0}), 1500.0 / 1.0275, 1.0);
+  // 450 m of height at 15 %, whatever way is taken; what is left of the distance costs nothing
+  // more.
+  EXPECT_NEAR(field.cost_m({4515.0, 3015.0}), 3000.0 / 1.0275, 5.0);
+  EXPECT_NEAR(field.cost_m({1515.0, 4515.0}), 3000.0 / 1.0275, 5.0);
+}
+
+TEST(CostField, WhatTheEnvelopeEvensOutCountsNoClimb) {
+  // Ridges of 40 m, 120 m apart, with slopes of two thirds.
+  const PlanningCase in(test::make_map(200, 200, 30.0,
+                                       [](double x_m, double) {
+                                         return 100.0 + (2.0 / 3.0) *
+                                                            std::fabs(std::fmod(x_m, 120.0) - 60.0);
+                                       }),
+                        kLengthOnly);
+  const GlobalOptions options = test::shipped_global_options();
+  const FlightEnvelope envelope(in.costs, options, in.above(1000, 1000), in.above(1500, 1000));
+  const CostField field(envelope, {3015.0, 3015.0}, 30.0);
+  EXPECT_NEAR(field.cost_m({4515.0, 3015.0}), 1500.0 / 1.0275, 10.0);
+}
+
 TEST(TrackProfile, LeavesAndReachesTheFloorOfAnEndOnASlopeThatTheClimbLimitAllows) {
   // Start and goal below the floor on the two sides of a ridge with slopes of 10 %. Within their
   // funnels of 400 m the floor comes to rise by another 3 %, against a climb limit of 14 %.
