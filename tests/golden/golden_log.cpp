@@ -76,9 +76,12 @@ int main(int argc, char** argv) {
     for (std::size_t i = 0; i < static_cast<std::size_t>(4 * tiling.tile_count()); ++i) {
       refs.push_back(test::example_ref(i + 1));
     }
+    flight::RoutePlan dearer = test::example_route_plan();
+    dearer.route.cost.wire_crossings_m = 12.5;
     for (const Bytes& blob :
          {messages::encode_planning_config("speed_mps: 40.0\n"),
           messages::encode_route_plan(test::example_route_plan()),
+          messages::encode_route_plan(dearer),
           messages::encode_flight_plan(test::example_plan(), {51, 52}),
           messages::encode_map_features(map),
           messages::encode_map_tile(map, 16, {messages::MapLayer::kTerrain, 1, 0}),

@@ -87,6 +87,12 @@ const std::map<std::string, std::function<Bytes(const Bytes&)>>& decoders() {
        [](const Bytes& bytes) { return encode_planning_config(decode_planning_config(bytes)); }},
       {"route_plan_t",
        [](const Bytes& bytes) { return encode_route_plan(decode_route_plan(bytes)); }},
+      {"route_plan_v2_t",
+       [](const Bytes& bytes) {
+         const flight::RoutePlan plan = decode_route_plan(bytes);
+         EXPECT_EQ(plan.route.cost.wire_crossings_m, 12.5);
+         return encode_route_plan(plan);
+       }},
       {"map_tile_t",
        [](const Bytes& bytes) {
          MapIndex index;

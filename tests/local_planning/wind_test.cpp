@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <numbers>
 #include <random>
+#include <string>
 
 #include "local_planning/escape.hpp"
 #include "local_planning/local_planner.hpp"
@@ -52,7 +53,8 @@ TEST_P(EachModeInWind, AStraightGuideAcrossTheWindIsFlownStraightWithTheNoseInTh
     ASSERT_NEAR(state.y_m, 1800.0, 3.0) << i;
     ASSERT_NEAR(state.heading_math_rad, -kPi / 6.0, 0.06) << i;
     ASSERT_NEAR(state.x_m - flight.steps[i - 1].state.x_m, 0.05 * 40.0 * std::cos(kPi / 6.0), 0.05);
-    ASSERT_NEAR(state.altitude_m, 130.0, 3.0);  // vfh_3d has steps of a degree
+    // vfh_3d has steps of a degree: 5.2 m over the look-ahead of 300 m.
+    ASSERT_NEAR(state.altitude_m, 130.0, std::string(GetParam()) == "vfh_3d" ? 5.2 : 3.0);
   }
   EXPECT_NEAR(flight.steps.back().state.x_m, 6300.0, 3.0);
 }
