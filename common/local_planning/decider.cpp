@@ -80,28 +80,22 @@ GroundMotion Decider::motion_of(const ModelState& state,
           cosine * trigonometry.cos_heading + sine * trigonometry.sin_heading};
 }
 
-FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trigonometry) {
-  const geo::MapPoint place{state.x_m, state.y_m};
+RolloutView Decider::view(const ModelState& state, const GroundMotion& motion,
+                          double along_m) const {
   const double speed_mps = state.speed_mps;
-  const GroundMotion motion = motion_of(state, trigonometry);
-  memory_.along_m = guide_.project(place, memory_.along_m - options_.projection_back_m,
-                                   memory_.along_m + options_.projection_ahead_m, memory_.along_m);
-  const flight::Waypoint target = guide_.at(memory_.along_m + options_.look_ahead_m);
+  const flight::Waypoint target = guide_.at(along_m + options_.look_ahead_m);
   const double target_dx_m = target.x_m - state.x_m;
   const double target_dy_m = target.y_m - state.y_m;
   const double target_m = distance_m(target_dx_m, target_dy_m);
-  const double climb_max_mps = climb_rate_max_mps(state);
-  const double limit_tangent = climb_max_mps / speed_mps;
-  const double tangent_max = options_.climb_share * limit_tangent;
+  const double tangent_max = options_.climb_share * (climb_rate_max_mps(state) / speed_mps);
   const double tangent_min = tangent_min_ * (motion.speed_mps / speed_mps);
-
-  DirectionQuestion question;
-  question.heading_math_rad = motion.course_math_rad;
-  const double turn_radius_m =
-      motion.speed_mps * motion.speed_mps / (kGravity_mps2 * turn_max_ * motion.cos_crab);
-  const double target_math_rad =
+  RolloutView view;
+  view.along_m = along_m;
+  view.target_math_rad =
       target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : motion.course_math_rad;
-  question.goal_math_rad = is_going_around(state, motion) ? memory_.outbound_rad : target_math_rad;
+  DirectionQuestion& question = view.question;
+  question.heading_math_rad = motion.course_math_rad;
+  question.goal_math_rad = view.target_math_rad;
   const double target_speed_mps =
       target_m > 0.0 ? flight::ground_speed_mps(wind(), speed_mps, target_dx_m / target_m,
                                                 target_dy_m / target_m)
@@ -112,28 +106,47 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
                  tangent_min, tangent_max);
   question.tangent_min = tangent_min;
   question.tangent_max = tangent_max;
-  const flight::Waypoint nearest = guide_.at(memory_.along_m);
+  const flight::Waypoint nearest = guide_.at(along_m);
   const double offset =
       distance_m(nearest.x_m - state.x_m, nearest.y_m - state.y_m) / options_.corridor_m;
   // A guide may come by its goal long before it ends there, on a round trip for example.
-  const double to_goal_m =
-      is_on_final_part() ? distance_m(guide_.goal().x_m - state.x_m, guide_.goal().y_m - state.y_m)
-                         : std::numeric_limits<double>::infinity();
+  const double to_goal_m = is_on_final_part(along_m) ? distance_m(guide_.goal().x_m - state.x_m,
+                                                                  guide_.goal().y_m - state.y_m)
+                                                     : std::numeric_limits<double>::infinity();
   question.polar_share =
       to_goal_m < options_.goal_only_distance_m ? 0.0 : std::max(0.0, 1.0 - offset * offset);
-
   // Ground beyond the goal is never flown over.
-  const double reach_m = memory_.is_outbound ? std::numeric_limits<double>::infinity()
-                                             : std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
+  view.reach_m = std::max(to_goal_m, kReachMin_m) + disc_radius_m_;
+  return view;
+}
+
+FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trigonometry) {
+  const geo::MapPoint place{state.x_m, state.y_m};
+  const double speed_mps = state.speed_mps;
+  memory_.along_m = guide_.project(place, memory_.along_m - options_.projection_back_m,
+                                   memory_.along_m + options_.projection_ahead_m, memory_.along_m);
+  const GroundMotion motion = motion_of(state, trigonometry);
+  const double climb_max_mps = climb_rate_max_mps(state);
+  const double limit_tangent = climb_max_mps / speed_mps;
+  const double turn_radius_m =
+      motion.speed_mps * motion.speed_mps / (kGravity_mps2 * turn_max_ * motion.cos_crab);
+  RolloutView seen = view(state, motion, memory_.along_m);
+  DirectionQuestion& question = seen.question;
+  const double tangent_min = question.tangent_min;
+  const double target_math_rad = seen.target_math_rad;
+  if (is_going_around(state, motion)) {
+    question.goal_math_rad = memory_.outbound_rad;
+    seen.reach_m = std::numeric_limits<double>::infinity();
+  }
   question_ = question;
   has_given_way_ = false;
   FlownStep step;
   step.state = state;
   step.command.speed_mps = speed_mps_;
   const Judgement judgement =
-      rollout_ ? judge_by_rollout(state, trigonometry, question, target_math_rad, reach_m, step)
+      rollout_ ? judge_by_rollout(state, trigonometry, seen, step)
                : judge_by_histogram(state, trigonometry, question, motion, target_math_rad,
-                                    turn_radius_m, reach_m, step);
+                                    turn_radius_m, seen.reach_m, step);
   step.command.heading_math_rad =
       heading_.limited_rad(memory_.commanded_rad, step.command.heading_math_rad, options_.step_s);
   memory_.commanded_rad = step.command.heading_math_rad;
@@ -258,15 +271,29 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
 
 Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
                                              const StateTrigonometry& trigonometry,
-                                             const DirectionQuestion& question,
-                                             double target_math_rad, double reach_m,
-                                             FlownStep& step) {
-  DirectionQuestion in_headings = question;
-  in_headings.heading_math_rad = state.heading_math_rad;
-  in_headings.goal_math_rad = heading_for_rad(question.goal_math_rad, state.speed_mps);
-  const RolloutChoice choice = rollout_->choose(state, trigonometry, memory_.along_m, in_headings,
-                                                heading_for_rad(target_math_rad, state.speed_mps),
-                                                memory_.commanded_rad, memory_.before_rad, reach_m);
+                                             const RolloutView& seen, FlownStep& step) {
+  const DirectionQuestion& question = seen.question;
+  const auto in_headings = [this](RolloutView courses, const ModelState& at) {
+    courses.question.heading_math_rad = at.heading_math_rad;
+    courses.question.goal_math_rad =
+        heading_for_rad(courses.question.goal_math_rad, at.speed_mps);
+    courses.target_math_rad = heading_for_rad(courses.target_math_rad, at.speed_mps);
+    return courses;
+  };
+  const bool is_branching = options_.rollout.tree_depth > 1 && !memory_.is_outbound;
+  const ViewAt view_at = [&](const ModelState& later, const StateTrigonometry& then,
+                             double along_m, double run_m) {
+    return in_headings(
+        view(later, motion_of(later, then),
+             guide_.project({later.x_m, later.y_m}, along_m - options_.projection_back_m,
+                            along_m + run_m + options_.projection_ahead_m, along_m + run_m)),
+        later);
+  };
+  const RolloutView asked = in_headings(seen, state);
+  const RolloutChoice choice = rollout_->choose(
+      state, trigonometry, asked.along_m, asked.question, asked.target_math_rad,
+      memory_.commanded_rad, memory_.before_rad, asked.reach_m,
+      is_branching ? view_at : ViewAt());
   Judgement judgement;
   judgement.needed =
       std::max(choice.needed_near, std::min(choice.needed_commanded, question.tangent_max));
@@ -329,9 +356,8 @@ Decision Decider::last_decision() const {
   return decision;
 }
 
-bool Decider::is_on_final_part() const {
-  return guide_.length_m() - memory_.along_m <=
-         options_.projection_ahead_m + options_.goal_only_distance_m;
+bool Decider::is_on_final_part(double along_m) const {
+  return guide_.length_m() - along_m <= options_.projection_ahead_m + options_.goal_only_distance_m;
 }
 
 // A goal that was passed too far aside lies within the turning circle: flying towards it would

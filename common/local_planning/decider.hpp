@@ -69,13 +69,14 @@ class Decider {
   [[nodiscard]] double along_m() const { return memory_.along_m; }
   /// Whether the guide ends within what it is searched ahead and the last stretch, on which the
   /// goal alone counts.
-  [[nodiscard]] bool is_on_final_part() const;
+  [[nodiscard]] bool is_on_final_part() const { return is_on_final_part(memory_.along_m); }
   [[nodiscard]] std::int64_t infeasible_decisions() const { return infeasible_decisions_; }
 
   /// What the last step was decided by; without number and state.
   [[nodiscard]] Decision last_decision() const;
 
  private:
+  [[nodiscard]] bool is_on_final_part(double along_m) const;
   /// What the terrain asks for, and the ground ahead of the commanded heading.
   struct Judgement {
     double needed = 0.0;
@@ -89,8 +90,10 @@ class Decider {
                                FlownStep& step);
   Judgement judge_by_rollout(const command_model::ModelState& state,
                              const command_model::StateTrigonometry& trigonometry,
-                             const DirectionQuestion& question, double target_math_rad,
-                             double reach_m, FlownStep& step);
+                             const RolloutView& seen, FlownStep& step);
+  /// What a place along the guide asks for; the guide's target is the goal direction.
+  [[nodiscard]] RolloutView view(const command_model::ModelState& state,
+                                 const GroundMotion& motion, double along_m) const;
   /// What the vehicle climbs at most here, a little at least.
   [[nodiscard]] double climb_rate_max_mps(const command_model::ModelState& state) const;
   /// No direction is feasible: the target is commanded, slowly; returns all the climb there is.

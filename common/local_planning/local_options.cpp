@@ -25,6 +25,12 @@ double not_negative(ConfigReader& reader, const char* key) {
   return number_in(reader, key, 0.0, 1e6, "must lie between 0 and 1e6");
 }
 
+int whole_number(ConfigReader& reader, const char* key, int low, int high, const char* demand) {
+  const std::int64_t value = reader.required_integer(key);
+  reader.require(value >= low && value <= high, key, demand);
+  return static_cast<int>(value);
+}
+
 DirectionWeights read_direction_weights(ConfigReader& reader, LocalOptions& options) {
   DirectionWeights weights;
   const std::string goal_cost = reader.required_string("goal_cost");
@@ -75,6 +81,11 @@ RolloutOptions read_rollout(ConfigReader& reader) {
   options.lag_s = number_in(reader, "lag_s", 0.0, 3.0, "must lie between 0 and 3");
   options.gain = not_negative(reader, "gain");
   options.change_1prad = not_negative(reader, "change_1prad");
+  options.tree_depth = whole_number(reader, "tree_depth", 1, 4, "must lie between 1 and 4");
+  options.branch_s =
+      number_in(reader, "branch_s", 0.5, options.horizon_s, "must lie between 0.5 and horizon_s");
+  options.later_weight =
+      number_in(reader, "later_weight", 0.01, 10.0, "must lie between 0.01 and 10");
   reader.finish();
   return options;
 }
@@ -116,12 +127,6 @@ SphericalOptions read_spherical(ConfigReader& reader) {
                  "elevation_step_deg", "must lie between 0.1 and 30");
   reader.finish();
   return options;
-}
-
-int whole_number(ConfigReader& reader, const char* key, int low, int high, const char* demand) {
-  const std::int64_t value = reader.required_integer(key);
-  reader.require(value >= low && value <= high, key, demand);
-  return static_cast<int>(value);
 }
 
 }  // namespace

@@ -246,9 +246,14 @@ TEST(LocalPlanner, AllKernelsFlyTheSameBytes) {
   test::finish_map(map);
   const auto guide = test::stand_in_guide(map, {{1500, 1500}, {3300, 2600}, {5000, 5000}}, 50.0,
                                           20.0, 30.0, 0.14, 15.24);
+  std::vector<std::pair<std::string, LocalOptions>> modes;
   for (const char* mode : {"local.mode=tvfh", "local.mode=rollout", "local.mode=vfh_3d"}) {
-    LocalOptions options = test::shipped_local_options(mode);
-    options.passes = options.mode == LocalMode::kVfh3d ? 1 : 2;
+    modes.emplace_back(mode, test::shipped_local_options(mode));
+    modes.back().second.passes = modes.back().second.mode == LocalMode::kVfh3d ? 1 : 2;
+  }
+  modes.emplace_back("a tree of rollouts", test::shipped_local_options("local.mode=rollout"));
+  modes.back().second.rollout.tree_depth = 2;
+  for (const auto& [mode, options] : modes) {
     const auto plain = flown(map, guide, options, {}, Kernel::kPlain);
     ASSERT_TRUE(std::holds_alternative<Flight>(plain)) << mode;
     for (const Kernel kernel : {Kernel::kBest, Kernel::kAvx2, Kernel::kAvx512}) {
@@ -261,6 +266,45 @@ TEST(LocalPlanner, AllKernelsFlyTheSameBytes) {
           << mode << ", " << name_of_kernel(kernel);
     }
   }
+}
+
+TEST(LocalPlanner, ATreeOfRolloutsFliesAroundAPocketThatOneDecisionEnters) {
+  // The pocket of the rollout's own test: north of the block the way is open, the shorter one
+  // around its south ends at a wall beyond what 12 s of flight see.
+  const auto map = test::make_map(170, 100, 30.0, [](double x_m, double y_m) {
+    const auto within = [&](double west_m, double east_m, double south_m, double north_m) {
+      return x_m > west_m && x_m < east_m && y_m > south_m && y_m < north_m;
+    };
+    return within(2300.0, 2400.0, 1460.0, 1600.0) || within(2300.0, 2620.0, 1430.0, 1460.0) ||
+                   within(2000.0, 2620.0, 1000.0, 1030.0) || within(2560.0, 2620.0, 1000.0, 1460.0)
+               ? 300.0
+               : 0.0;
+  });
+  const std::vector<flight::Waypoint> guide{{1000, 1500, 30}, {4000, 1500, 30}};
+  LocalOptions options = test::shipped_local_options("local.mode=rollout");
+  const auto northmost_and_southmost_m = [](const Flight& flight) {
+    double north_m = -1e9;
+    double south_m = 1e9;
+    for (const FlownStep& step : flight.steps) {
+      north_m = std::max(north_m, step.state.y_m);
+      south_m = std::min(south_m, step.state.y_m);
+    }
+    return std::pair{north_m, south_m};
+  };
+  const auto one = flown(map, guide, options);
+  if (const auto* flight = std::get_if<Flight>(&one)) {
+    EXPECT_LT(northmost_and_southmost_m(*flight).second, 1440.0) << "into the pocket";
+    EXPECT_GT(flight->escapes + flight->infeasible_decisions, 0);
+  }
+  options.rollout.tree_depth = 2;
+  const auto two = flown(map, guide, options);
+  ASSERT_TRUE(std::holds_alternative<Flight>(two));
+  const Flight& flight = std::get<Flight>(two);
+  EXPECT_GT(northmost_and_southmost_m(flight).first, 1640.0);
+  EXPECT_GT(northmost_and_southmost_m(flight).second, 1440.0);
+  EXPECT_EQ(flight.escapes, 0);
+  EXPECT_EQ(flight.infeasible_decisions, 0);
+  EXPECT_LE(distance_to_goal_m(flight, guide), options.goal_radius_m);
 }
 
 TEST(LocalPlanner, SameQuestionGivesTheSameBytes) {

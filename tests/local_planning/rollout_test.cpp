@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -164,6 +165,140 @@ TEST_F(RolloutOverLevelGround, CostlyGroundAheadIsAvoidedOnTheSideThatEndsSooner
   EXPECT_EQ(choose(map, 30.0, 900.0, 0.0).direction_rad, 0.0);
 }
 
+// Towards the east along y = 1500 m, and as the Decider sees later places of such a flight.
+class RolloutTree : public ::testing::Test {
+ protected:
+  [[nodiscard]] RolloutView view(const command_model::ModelState& state, double along_m) const {
+    RolloutView view;
+    view.along_m = along_m;
+    view.target_math_rad = std::atan2(1500.0 - state.y_m, along_m + 300.0 - state.x_m);
+    view.question = {
+        state.heading_math_rad, view.target_math_rad, 0.0, kTangentMin, kTangentMax, share_};
+    view.reach_m = reach_m_;
+    return view;
+  }
+  // From (900, 1500) at 40 m/s, with so many decisions, 6 s apart.
+  [[nodiscard]] std::optional<double> direction_rad(const map::Map& map, int depth,
+                                                    double semantics_weight = 0.0) const {
+    const risk::CostModel costs = test::test_costs(map);
+    Surroundings surroundings(costs, 350.0, 45.0, semantics_weight, 0.0);
+    surroundings.pack(kTube_m);
+    const Guide guide({{0, 1500, 0}, {5000, 1500, 0}});
+    RolloutOptions options = kOptions;
+    options.tree_depth = depth;
+    options.branch_s = 6.0;
+    options.later_weight = 1.0;
+    Rollout rollout(surroundings, guide, model_, 300.0, kSafetyHeight_m, kProfile, options,
+                    weights(), 40.0, Kernel::kBest);
+    const auto state = command_model::trimmed_state(900.0, 1500.0, 30.0, 40.0, 0.0, 0.0);
+    const RolloutView here = view(state, 900.0);
+    return rollout
+        .choose(state, command_model::trigonometry_of(state), here.along_m, here.question,
+                here.target_math_rad, 0.0, 0.0, here.reach_m,
+                [this](const command_model::ModelState& later,
+                       const command_model::StateTrigonometry&, double along_m, double run_m) {
+                  return view(later, along_m + run_m);
+                })
+        .direction_rad;
+  }
+
+  static constexpr double kTangentMin = -0.176;
+  static constexpr double kTangentMax = 0.18;
+  command_model::CommandModel model_{test::shipped_vehicle()};
+  double share_ = 1.0;
+  double reach_m_ = 1e9;
+};
+
+// Ahead, 400 m on, stands a block from 40 m south to 100 m north of the line: the way around its
+// south is shorter. But that leads into a pocket: walls to the block's east side, along the south,
+// and across its end, 660 m ahead. Flights of 12 s see 480 m. The pocket is 400 m wide, less the
+// tube 306 m: too narrow to turn around in, at 40 m/s and 30 deg of bank, 564 m.
+map::Map pocket_in_the_south() {
+  return test::make_map(170, 100, 30.0, [](double x_m, double y_m) {
+    const auto within = [&](double west_m, double east_m, double south_m, double north_m) {
+      return x_m > west_m && x_m < east_m && y_m > south_m && y_m < north_m;
+    };
+    const bool is_block = within(1300.0, 1400.0, 1460.0, 1600.0);
+    const bool is_wall_of_pocket = within(1300.0, 1620.0, 1430.0, 1460.0) ||
+                                   within(1000.0, 1620.0, 1000.0, 1030.0) ||
+                                   within(1560.0, 1620.0, 1000.0, 1460.0);
+    return is_block || is_wall_of_pocket ? 300.0 : 0.0;
+  });
+}
+
+TEST_F(RolloutTree, OneDecisionChoosesTheArmThatIsAPocketAndTwoTheOther) {
+  const map::Map map = pocket_in_the_south();
+  const auto one = direction_rad(map, 1);
+  ASSERT_TRUE(one);
+  EXPECT_LT(*one, -0.15) << "the way around the south is the shorter one";
+  for (const int depth : {2, 3}) {
+    const auto more = direction_rad(map, depth);
+    ASSERT_TRUE(more);
+    EXPECT_GT(*more, 0.15) << depth;
+  }
+}
+
+TEST_F(RolloutTree, ItsMirrorImageChoosesTheMirroredArm) {
+  const map::Map map = pocket_in_the_south();
+  map::Map mirrored = map;
+  for (int row = 0; row < 100; ++row) {
+    for (int column = 0; column < 170; ++column) {
+      mirrored.surface_m.at(column, row) = map.surface_m.at(column, 99 - row);
+    }
+  }
+  test::finish_map(mirrored);
+  for (const int depth : {1, 2, 3}) {
+    EXPECT_NEAR(*direction_rad(mirrored, depth), -*direction_rad(map, depth), 1e-5) << depth;
+  }
+}
+
+TEST_F(RolloutTree, WhereEveryBranchEndsTheOneDecisionStands) {
+  // A valley as wide as the pocket that ends 600 m ahead: 12 s are free, 18 s are not.
+  const auto map = test::make_map(170, 100, 30.0, [](double x_m, double y_m) {
+    return x_m < 1500.0 && std::fabs(y_m - 1500.0) < 200.0 ? 0.0 : 900.0;
+  });
+  EXPECT_EQ(direction_rad(map, 1), 0.0);
+  EXPECT_EQ(direction_rad(map, 2), 0.0);
+}
+
+TEST_F(RolloutTree, OverLevelGroundWithoutRiskItGoesStraightToTheGoal) {
+  const auto map = test::make_map(170, 100, 30.0, [](double, double) { return 0.0; });
+  for (const int depth : {1, 2, 3, 4}) {
+    EXPECT_EQ(direction_rad(map, depth), 0.0) << depth;
+  }
+}
+
+TEST_F(RolloutTree, CostlyGroundBeyondTheFirstFlightDecidesTheSide) {
+  // A costly patch 300 m ahead ends sooner in the south. But 540 m ahead the costly ground goes on
+  // there, 600 m wide and 600 m long, and not in the north.
+  map::Map map = test::make_map(170, 100, 30.0, [](double, double) { return 0.0; });
+  for (int row = 0; row < 100; ++row) {
+    for (int column = 0; column < 170; ++column) {
+      const geo::MapPoint centre = map.geometry.centre({column, row});
+      const bool is_near =
+          centre.x_m > 1200.0 && centre.x_m < 1440.0 && centre.y_m > 1440.0 && centre.y_m < 1590.0;
+      const bool is_beyond =
+          centre.x_m > 1440.0 && centre.x_m < 2040.0 && centre.y_m > 930.0 && centre.y_m < 1530.0;
+      if (is_near || is_beyond) {
+        map.semantics.at(column, row) = static_cast<std::uint16_t>(map::SemanticClass::kSettlement);
+      }
+    }
+  }
+  test::finish_map(map);
+  EXPECT_LT(*direction_rad(map, 1, 0.5), -0.01);
+  EXPECT_GT(*direction_rad(map, 3, 0.5), 0.01);
+  share_ = 0.0;
+  EXPECT_EQ(direction_rad(map, 3, 0.5), 0.0) << "no risk counts far off the guide";
+}
+
+TEST_F(RolloutTree, ADecisionThatWouldLieBeyondTheReachIsNotLookedAt) {
+  const map::Map map = pocket_in_the_south();
+  reach_m_ = 40.0 * 18.0 - 1.0;
+  EXPECT_EQ(direction_rad(map, 2), direction_rad(map, 1));
+  reach_m_ += 2.0;
+  EXPECT_GT(*direction_rad(map, 2), 0.15);
+}
+
 // What the kernels must agree on, over random ground, states and options.
 TEST(RolloutKernels, AllInstructionSetsGiveTheBitsOfThePlainForm) {
   std::mt19937_64 random(test::fresh_seed());
@@ -197,6 +332,9 @@ TEST(RolloutKernels, AllInstructionSetsGiveTheBitsOfThePlainForm) {
     DirectionWeights cost = weights();
     cost.goal_cost = random() % 2 == 0 ? GoalCost::kQuadratic : GoalCost::kAbsolute;
     cost.climb = uniform(0.0, 1.0);
+    options.tree_depth = 1 + trial % 3;
+    options.branch_s = uniform(0.5, options.horizon_s);
+    options.later_weight = uniform(0.3, 2.0);
     const auto with = [&](Kernel kernel) {
       return Rollout(surroundings, guide, model, 300.0, kSafetyHeight_m, kProfile, options, cost,
                      40.0, kernel);
@@ -221,10 +359,17 @@ TEST(RolloutKernels, AllInstructionSetsGiveTheBitsOfThePlainForm) {
         const double commanded_rad = uniform(-kPi, kPi);
         const double before_rad = uniform(-kPi, kPi);
         const double reach_m = place % 3 == 0 ? uniform(20.0, 600.0) : 1e9;
+        const ViewAt view_at = [&](const command_model::ModelState& later,
+                                   const command_model::StateTrigonometry&, double from_m,
+                                   double run_m) {
+          RolloutView view{question, target_rad, std::min(from_m + run_m, guide.length_m()), 1e9};
+          view.question.heading_math_rad = later.heading_math_rad;
+          return view;
+        };
         const RolloutChoice a = plain.choose(state, trigonometry, along_m, question, target_rad,
-                                             commanded_rad, before_rad, reach_m);
+                                             commanded_rad, before_rad, reach_m, view_at);
         const RolloutChoice b = fast.choose(state, trigonometry, along_m, question, target_rad,
-                                            commanded_rad, before_rad, reach_m);
+                                            commanded_rad, before_rad, reach_m, view_at);
         ASSERT_EQ(a.direction_rad, b.direction_rad) << name_of_kernel(kernel);
         ASSERT_EQ(a.least_climb_rad, b.least_climb_rad) << name_of_kernel(kernel);
         ASSERT_EQ(a.needed_commanded, b.needed_commanded) << name_of_kernel(kernel);
