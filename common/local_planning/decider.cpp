@@ -275,14 +275,13 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
   const DirectionQuestion& question = seen.question;
   const auto in_headings = [this](RolloutView courses, const ModelState& at) {
     courses.question.heading_math_rad = at.heading_math_rad;
-    courses.question.goal_math_rad =
-        heading_for_rad(courses.question.goal_math_rad, at.speed_mps);
+    courses.question.goal_math_rad = heading_for_rad(courses.question.goal_math_rad, at.speed_mps);
     courses.target_math_rad = heading_for_rad(courses.target_math_rad, at.speed_mps);
     return courses;
   };
   const bool is_branching = options_.rollout.tree_depth > 1 && !memory_.is_outbound;
-  const ViewAt view_at = [&](const ModelState& later, const StateTrigonometry& then,
-                             double along_m, double run_m) {
+  const ViewAt view_at = [&](const ModelState& later, const StateTrigonometry& then, double along_m,
+                             double run_m) {
     return in_headings(
         view(later, motion_of(later, then),
              guide_.project({later.x_m, later.y_m}, along_m - options_.projection_back_m,
@@ -292,8 +291,7 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
   const RolloutView asked = in_headings(seen, state);
   const RolloutChoice choice = rollout_->choose(
       state, trigonometry, asked.along_m, asked.question, asked.target_math_rad,
-      memory_.commanded_rad, memory_.before_rad, asked.reach_m,
-      is_branching ? view_at : ViewAt());
+      memory_.commanded_rad, memory_.before_rad, asked.reach_m, is_branching ? view_at : ViewAt());
   Judgement judgement;
   judgement.needed =
       std::max(choice.needed_near, std::min(choice.needed_commanded, question.tangent_max));

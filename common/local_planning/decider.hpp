@@ -92,8 +92,8 @@ class Decider {
                              const command_model::StateTrigonometry& trigonometry,
                              const RolloutView& seen, FlownStep& step);
   /// What a place along the guide asks for; the guide's target is the goal direction.
-  [[nodiscard]] RolloutView view(const command_model::ModelState& state,
-                                 const GroundMotion& motion, double along_m) const;
+  [[nodiscard]] RolloutView view(const command_model::ModelState& state, const GroundMotion& motion,
+                                 double along_m) const;
   /// What the vehicle climbs at most here, a little at least.
   [[nodiscard]] double climb_rate_max_mps(const command_model::ModelState& state) const;
   /// No direction is feasible: the target is commanded, slowly; returns all the climb there is.

@@ -193,12 +193,11 @@ class RolloutTree : public ::testing::Test {
     const auto state = command_model::trimmed_state(900.0, 1500.0, 30.0, 40.0, 0.0, 0.0);
     const RolloutView here = view(state, 900.0);
     return rollout
-        .choose(state, command_model::trigonometry_of(state), here.along_m, here.question,
-                here.target_math_rad, 0.0, 0.0, here.reach_m,
-                [this](const command_model::ModelState& later,
-                       const command_model::StateTrigonometry&, double along_m, double run_m) {
-                  return view(later, along_m + run_m);
-                })
+        .choose(
+            state, command_model::trigonometry_of(state), here.along_m, here.question,
+            here.target_math_rad, 0.0, 0.0, here.reach_m,
+            [this](const command_model::ModelState& later, const command_model::StateTrigonometry&,
+                   double along_m, double run_m) { return view(later, along_m + run_m); })
         .direction_rad;
   }
 
