@@ -4,8 +4,10 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <oneapi/tbb/parallel_for.h>
 #include <optional>
 
@@ -159,6 +161,14 @@ class SharedGrounds {
     }
     made->grounds.make(configs_[row].local);
   }
+  void surface_changed(const std::vector<raster::CellIndex>& cells) {
+    for (const std::unique_ptr<Made>& made : made_) {
+      if (made) {
+        made->costs.surface_changed(cells);
+        made->grounds.surface_changed(cells);
+      }
+    }
+  }
   [[nodiscard]] const planning::RouteGrounds& of(std::size_t row) const {
     return made_[first_alike_[row]]->grounds;
   }
@@ -173,6 +183,77 @@ class SharedGrounds {
   const std::vector<PlanningConfig>& configs_;
   const std::vector<std::size_t>& first_alike_;
   std::vector<std::unique_ptr<Made>> made_;
+};
+
+// A map of its own on which towers are put up and taken down again.
+class TowerGround {
+ public:
+  TowerGround(const map::Map& bare, const LocalSafetyOptions& options,
+              const std::vector<PlanningConfig>& configs,
+              const std::vector<std::size_t>& first_alike)
+      : bare_(bare), options_(options), map_(bare), grounds_(map_, configs, first_alike) {
+    for (std::size_t r = 0; r < configs.size(); ++r) {
+      if (options.rows[r].has_towers) {
+        grounds_.make(r);
+      }
+    }
+  }
+  TowerGround(const TowerGround&) = delete;
+  TowerGround& operator=(const TowerGround&) = delete;
+
+  // Where they stand.
+  std::vector<geo::MapPoint> put_up(const DrawnRoute& route, std::uint64_t seed) {
+    const std::vector<geo::MapPoint> towers = add_towers(map_, options_, route, seed);
+    for (const geo::MapPoint& tower : towers) {
+      cells_.push_back(map_.geometry.cell_at(tower));
+    }
+    grounds_.surface_changed(cells_);
+    return towers;
+  }
+  void take_down() {
+    for (const raster::CellIndex& cell : cells_) {
+      map_.surface_m.at(cell) = bare_.surface_m.at(cell);
+    }
+    grounds_.surface_changed(cells_);
+    cells_.clear();
+  }
+  [[nodiscard]] const planning::RouteGrounds& of(std::size_t row) const { return grounds_.of(row); }
+
+ private:
+  const map::Map& bare_;
+  const LocalSafetyOptions& options_;
+  map::Map map_;
+  SharedGrounds grounds_;
+  std::vector<raster::CellIndex> cells_;
+};
+
+// As many as there are flights at the same time.
+class TowerGrounds {
+ public:
+  using Make = std::function<std::unique_ptr<TowerGround>()>;
+  explicit TowerGrounds(Make make) : make_(std::move(make)) {}
+
+  std::unique_ptr<TowerGround> borrowed() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!idle_.empty()) {
+        std::unique_ptr<TowerGround> ground = std::move(idle_.back());
+        idle_.pop_back();
+        return ground;
+      }
+    }
+    return make_();
+  }
+  // With its towers taken down.
+  void give_back(std::unique_ptr<TowerGround> ground) {
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(ground));
+  }
+
+ private:
+  Make make_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<TowerGround>> idle_;
 };
 
 // For each config the first one that is the same but for its section local.
@@ -393,8 +474,11 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
   }
   const std::vector<std::size_t> alike = first_alike(configs);
   SharedGrounds bare(map, configs, alike);
+  bool has_towers = false;
   for (std::size_t r = 0; r < configs.size(); ++r) {
-    if (!options.rows[r].has_towers) {
+    if (options.rows[r].has_towers) {
+      has_towers = true;
+    } else {
       bare.make(r);  // before the threads that share it
     }
   }
@@ -404,27 +488,32 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
   const raster::Grid<std::uint8_t> no_towers(map.geometry, 0);
   std::vector<char> is_done(count, 0);
   std::atomic<std::size_t> done{0};
+  TowerGrounds tower_grounds(
+      [&] { return std::make_unique<TowerGround>(map, options, configs, alike); });
   for_each_until_stopped(count, is_done, observer, [&](std::size_t i) {
     const DrawnRoute& route = routes.routes[i];
-    std::optional<map::Map> with_towers;
-    std::optional<raster::Grid<std::uint8_t>> near;
-    std::optional<SharedGrounds> among_towers;
+    const auto fly = [&](std::size_t r, const planning::RouteGrounds& grounds,
+                         const raster::Grid<std::uint8_t>& near) {
+      outcomes[r][i] = safety_of(flown(grounds, configs[r], route, observer), near,
+                                 configs[r].demands.ceiling_height_m);
+    };
     for (std::size_t r = 0; r < options.rows.size(); ++r) {
-      if (options.rows[r].has_towers && !with_towers) {
-        with_towers = map;
-        const auto towers = add_towers(*with_towers, options, route,
-                                       seed + static_cast<std::uint64_t>(route.problem));
-        near = near_towers(map.geometry, towers, options.tower_near_m);
-        among_towers.emplace(*with_towers, configs, alike);
+      if (!options.rows[r].has_towers) {
+        fly(r, bare.of(r), no_towers);
       }
-      const bool has_towers = options.rows[r].has_towers;
-      if (has_towers) {
-        among_towers->make(r);
+    }
+    if (has_towers) {
+      std::unique_ptr<TowerGround> ground = tower_grounds.borrowed();
+      const auto near = near_towers(
+          map.geometry, ground->put_up(route, seed + static_cast<std::uint64_t>(route.problem)),
+          options.tower_near_m);
+      for (std::size_t r = 0; r < options.rows.size(); ++r) {
+        if (options.rows[r].has_towers) {
+          fly(r, ground->of(r), near);
+        }
       }
-      const planning::RouteGrounds& grounds = has_towers ? among_towers->of(r) : bare.of(r);
-      outcomes[r][i] =
-          safety_of(flown(grounds, configs[r], route, observer), has_towers ? *near : no_towers,
-                    configs[r].demands.ceiling_height_m);
+      ground->take_down();
+      tower_grounds.give_back(std::move(ground));
     }
     observer.progress("flights", static_cast<double>(++done), static_cast<double>(count));
   });

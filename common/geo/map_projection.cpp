@@ -4,6 +4,7 @@
 #include <cpl_conv.h>
 #include <cpl_string.h>
 #include <ogr_spatialref.h>
+#include <optional>
 #include <sstream>
 
 #include "base/angles.hpp"
@@ -11,6 +12,7 @@
 #include "base/errors.hpp"
 #include "geo/gdal_guards.hpp"
 #include "geo/geodetic_box.hpp"
+#include "geo/geodetic_tiles.hpp"
 
 namespace hedgehop::geo {
 namespace {
@@ -23,6 +25,13 @@ double rounded_to_millimetre(double value_m) { return std::round(value_m * 1e3) 
 
 // 1e-11 rad is 0.06 mm on the ground.
 double rounded_angle_rad(double angle_rad) { return std::round(angle_rad * 1e11) / 1e11; }
+
+// Whether an angle that is off by up to five times GeodeticTiles::kError_rad is rounded as the
+// right one would be. Of all angles 1 % are too near to a tie to say.
+bool is_surely_rounded(double angle_rad) {
+  const double steps = angle_rad * 1e11;
+  return std::fabs(steps - std::floor(steps) - 0.5) > 5.0 * GeodeticTiles::kError_rad * 1e11;
+}
 
 std::string shortened(const std::string& text) {
   return text.size() <= 60 ? text : text.substr(0, 57) + "...";
@@ -49,6 +58,18 @@ struct MapProjection::Impl {
   std::string code;
   std::unique_ptr<OGRCoordinateTransformation> to_map;
   std::unique_ptr<OGRCoordinateTransformation> to_geodetic;
+  GeodeticTiles tiles;
+
+  // Not rounded; nothing outside the projection.
+  [[nodiscard]] std::optional<GeodeticTiles::Angles> angles_at(double x_m, double y_m) const {
+    double x = x_m;
+    double y = y_m;
+    if (!std::isfinite(x) || !std::isfinite(y) || !to_geodetic->Transform(1, &x, &y) ||
+        !std::isfinite(x) || !std::isfinite(y)) {
+      return std::nullopt;
+    }
+    return GeodeticTiles::Angles{radians_from_degrees(y), radians_from_degrees(x)};
+  }
 };
 
 MapProjection::MapProjection(const std::string& crs) : impl_(std::make_unique<Impl>()) {
@@ -126,22 +147,32 @@ MapPoint MapProjection::to_map(const GeodeticPosition& position) const {
 
 GeodeticPosition MapProjection::to_geodetic(const MapPoint& point) const {
   const GdalErrors errors;
-  double x = point.x_m;
-  double y = point.y_m;
-  if (!std::isfinite(x) || !std::isfinite(y) || !impl_->to_geodetic->Transform(1, &x, &y) ||
-      !std::isfinite(x) || !std::isfinite(y)) {
+  const auto angles = impl_->angles_at(point.x_m, point.y_m);
+  if (!angles) {
     std::ostringstream text;
     text << "map point (" << point.x_m << ", " << point.y_m
          << ") m lies outside the map's projection";
     throw DataError(text.str());
   }
-  return {rounded_angle_rad(radians_from_degrees(y)), rounded_angle_rad(radians_from_degrees(x))};
+  return {rounded_angle_rad(angles->latitude_rad), rounded_angle_rad(angles->longitude_rad)};
+}
+
+GeodeticPosition MapProjection::to_geodetic_by_tiles(const MapPoint& point) const {
+  const auto angles = impl_->tiles.at(point.x_m, point.y_m, [this](double x_m, double y_m) {
+    const GdalErrors errors;
+    return impl_->angles_at(x_m, y_m);
+  });
+  if (angles && is_surely_rounded(angles->latitude_rad) &&
+      is_surely_rounded(angles->longitude_rad)) {
+    return {rounded_angle_rad(angles->latitude_rad), rounded_angle_rad(angles->longitude_rad)};
+  }
+  return to_geodetic(point);
 }
 
 double MapProjection::convergence_rad(const MapPoint& point) const {
   constexpr double kHalfStep_m = 500.0;
-  const GeodeticPosition south = to_geodetic({point.x_m, point.y_m - kHalfStep_m});
-  const GeodeticPosition north = to_geodetic({point.x_m, point.y_m + kHalfStep_m});
+  const GeodeticPosition south = to_geodetic_by_tiles({point.x_m, point.y_m - kHalfStep_m});
+  const GeodeticPosition north = to_geodetic_by_tiles({point.x_m, point.y_m + kHalfStep_m});
   const double latitude_rad = 0.5 * (south.latitude_rad + north.latitude_rad);
   const double sine = elementary::sin(latitude_rad);
   const double w_squared = 1.0 - kEccentricitySquared * sine * sine;

@@ -44,6 +44,16 @@ HistogramOptions histogram_options(const LocalOptions& options, int pass, double
           options.is_arc_widened};
 }
 
+std::vector<std::shared_ptr<const HistogramTables>> tables_of(const Surroundings& surroundings,
+                                                              const LocalOptions& options) {
+  std::vector<std::shared_ptr<const HistogramTables>> tables;
+  for (int pass = 0; pass < options.passes; ++pass) {
+    tables.push_back(histogram_tables(
+        surroundings, histogram_options(options, pass, surroundings.geometry().cell_m)));
+  }
+  return tables;
+}
+
 double distance_m(double dx_m, double dy_m) { return std::sqrt(dx_m * dx_m + dy_m * dy_m); }
 
 bool is_finite(const ModelState& state) {
@@ -289,11 +299,17 @@ LocalGround local_ground(const risk::CostModel& costs, const LocalOptions& optio
     ground.surroundings.pack(std::sqrt(disc_m * disc_m + kHalfSample_m * kHalfSample_m));
     return ground;
   }
-  for (int pass = 0; pass < options.passes; ++pass) {
-    ground.tables.push_back(
-        histogram_tables(ground.surroundings, histogram_options(options, pass, cell_m)));
-  }
+  ground.tables = tables_of(ground.surroundings, options);
   return ground;
+}
+
+void surface_changed(LocalGround& ground, const risk::CostModel& costs, const LocalOptions& options,
+                     const std::vector<raster::CellIndex>& cells) {
+  const double risk_max = ground.surroundings.risk_max();
+  ground.surroundings.surface_changed(costs, cells);
+  if (ground.surroundings.risk_max() != risk_max && options.mode != LocalMode::kRollout) {
+    ground.tables = tables_of(ground.surroundings, options);
+  }
 }
 
 std::variant<Flight, flight::NoPlan> fly_along(

@@ -191,6 +191,10 @@ struct LocalGround {
   std::vector<std::shared_ptr<const HistogramTables>> tables;  // by pass; empty for rollouts
 };
 LocalGround local_ground(const risk::CostModel& costs, const LocalOptions& options);
+/// Takes in what the surface of the map has become at these cells: the same then as
+/// local_ground(costs, options), see Surroundings::surface_changed().
+void surface_changed(LocalGround& ground, const risk::CostModel& costs, const LocalOptions& options,
+                     const std::vector<raster::CellIndex>& cells);
 
 /// The same for many flights on one map. The options may differ from those of local_ground() in
 /// what concerns neither window, sectors, passes, safety radius, mode, arcs nor weights of the

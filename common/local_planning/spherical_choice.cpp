@@ -35,6 +35,7 @@ double chord_rad(double half_azimuth_square, double half_elevation_square, doubl
 struct Climb {
   double elevation_rad = 0.0;
   double tangent = 0.0;
+  double least = 0.0;  // cost of its distances, at least, in any azimuth
   std::array<double, 3> half_squares{};
   std::array<double, 3> cosines{};
 };
@@ -78,6 +79,10 @@ std::optional<SphericalDirection> cheapest_spherical(
 
   const std::array<SphericalDirection, 3> references{goal, now, before};
   const std::array<double, 3> weights{options.goal, options.heading, options.before};
+  std::array<double, 3> reference_cosines{};
+  for (std::size_t i = 0; i < references.size(); ++i) {
+    reference_cosines[i] = elementary::cos(references[i].elevation_rad);
+  }
   std::vector<Climb> climbs(static_cast<std::size_t>(steps) + 1);
   for (std::size_t e = 0; e < climbs.size(); ++e) {
     Climb& climb = climbs[e];
@@ -86,10 +91,11 @@ std::optional<SphericalDirection> cheapest_spherical(
     // The highest one stands for tangent_max itself, however its tangent is rounded.
     climb.tangent =
         e + 1 < climbs.size() ? elementary::tan(climb.elevation_rad) : question.tangent_max;
+    const double cosine = elementary::cos(climb.elevation_rad);
     for (std::size_t i = 0; i < references.size(); ++i) {
       climb.half_squares[i] = half_sine_square(climb.elevation_rad - references[i].elevation_rad);
-      climb.cosines[i] =
-          elementary::cos(climb.elevation_rad) * elementary::cos(references[i].elevation_rad);
+      climb.cosines[i] = cosine * reference_cosines[i];
+      climb.least += weights[i] * chord_rad(0.0, climb.half_squares[i], climb.cosines[i]);
     }
   }
 
@@ -100,8 +106,13 @@ std::optional<SphericalDirection> cheapest_spherical(
     }
   }
 
-  // Sectors by the least that any of their candidates can cost; most need no closer look.
+  // Climbs and sectors by the least that any candidate with them can cost; most need no closer
+  // look.
+  std::sort(climbs.begin(), climbs.end(), [](const Climb& a, const Climb& b) {
+    return a.least != b.least ? a.least < b.least : a.elevation_rad < b.elevation_rad;
+  });
   std::vector<Azimuth> azimuths;
+  azimuths.reserve(static_cast<std::size_t>(sectors.count()));
   for (int k = 0; k < sectors.count(); ++k) {
     const auto at = static_cast<std::size_t>(k);
     Azimuth azimuth;
@@ -124,18 +135,24 @@ std::optional<SphericalDirection> cheapest_spherical(
     }
     azimuths.push_back(azimuth);
   }
-  std::sort(azimuths.begin(), azimuths.end(), [](const Azimuth& a, const Azimuth& b) {
-    return a.least != b.least ? a.least < b.least : a.sector < b.sector;
-  });
+  const auto is_dearer = [](const Azimuth& a, const Azimuth& b) {
+    return a.least != b.least ? a.least > b.least : a.sector > b.sector;
+  };
+  std::make_heap(azimuths.begin(), azimuths.end(), is_dearer);
 
   std::optional<SphericalDirection> chosen;
   double best = std::numeric_limits<double>::infinity();
   int best_sector = sectors.count();
-  for (const Azimuth& azimuth : azimuths) {
+  for (auto end = azimuths.end(); end != azimuths.begin(); --end) {
+    std::pop_heap(azimuths.begin(), end, is_dearer);
+    const Azimuth& azimuth = *(end - 1);
     if (azimuth.least > best) {
       break;
     }
     for (const Climb& climb : climbs) {
+      if (azimuth.extra - kRounding + climb.least > best) {
+        break;
+      }
       if (climb.tangent < azimuth.needed) {
         continue;
       }
@@ -152,7 +169,11 @@ std::optional<SphericalDirection> cheapest_spherical(
         cost += weights[i] *
                 apart_rad(azimuth.half_squares[i], climb.half_squares[i], climb.cosines[i]);
       }
-      if (cost < best || (cost == best && azimuth.sector < best_sector)) {
+      const bool is_lower_of_equals =
+          cost == best &&
+          (azimuth.sector != best_sector ? azimuth.sector < best_sector
+                                         : climb.elevation_rad < chosen->elevation_rad);
+      if (cost < best || is_lower_of_equals) {
         best = cost;
         best_sector = azimuth.sector;
         chosen = SphericalDirection{azimuth.azimuth_rad, climb.elevation_rad};

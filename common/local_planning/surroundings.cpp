@@ -1,12 +1,21 @@
 #include "local_planning/surroundings.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 namespace hedgehop::local_planning {
 namespace {
+
+constexpr float kNoGround_m = -std::numeric_limits<float>::infinity();
+
+// What counts as ground: no ground is as high as a wall.
+float ground_of(float surface_m) {
+  return surface_m == Surroundings::kBlockedAltitude_m ? kNoGround_m : surface_m;
+}
 
 // Raises each cell to the one `right` and `up` cells from it, within the grid.
 void raise_by_neighbour(const raster::Grid<float>& from, int right, int up,
@@ -25,43 +34,56 @@ void raise_by_neighbour(const raster::Grid<float>& from, int right, int up,
 
 }  // namespace
 
+std::optional<Surroundings::Cell> Surroundings::cell_of(const risk::CostModel& costs,
+                                                        raster::CellIndex cell) const {
+  float here_m = costs.map().surface_m.at(cell);
+  if (std::isnan(here_m)) {
+    return std::nullopt;
+  }
+  const double wall_m = costs.areas().wall_top_m(cell, kAreaFloor_m);
+  if (wall_m > static_cast<double>(here_m)) {
+    if (wall_m > static_cast<double>(here_m) + kAreaClimb_m) {
+      return std::nullopt;
+    }
+    here_m = static_cast<float>(wall_m);
+  }
+  return Cell{here_m,
+              static_cast<float>(
+                  semantics_weight_ * static_cast<double>(costs.semantics_layer().at(cell)) +
+                  visibility_weight_ * static_cast<double>(costs.visibility_layer().at(cell)))};
+}
+
 Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double disc_radius_m,
                            double semantics_weight, double visibility_weight)
-    : map_geometry_(costs.map().geometry) {
+    : window_m_(window_m),
+      disc_radius_m_(disc_radius_m),
+      semantics_weight_(semantics_weight),
+      visibility_weight_(visibility_weight),
+      padding_(static_cast<int>(std::ceil(window_m / costs.map().geometry.cell_m)) + 2),
+      map_geometry_(costs.map().geometry) {
   const double cell_m = map_geometry_.cell_m;
-  const int padding = static_cast<int>(std::ceil(window_m / cell_m)) + 2;
   raster::GridGeometry padded = map_geometry_;
-  padded.west_m -= padding * cell_m;
-  padded.south_m -= padding * cell_m;
-  padded.columns += 2 * padding;
-  padded.rows += 2 * padding;
+  padded.west_m -= padding_ * cell_m;
+  padded.south_m -= padding_ * cell_m;
+  padded.columns += 2 * padding_;
+  padded.rows += 2 * padding_;
   surface_m_ = raster::Grid<float>(padded, kBlockedAltitude_m);
   risk_ = raster::Grid<float>(padded, static_cast<float>(semantics_weight + visibility_weight));
-  dilated_m_ = raster::Grid<float>(padded, -std::numeric_limits<float>::infinity());
+  dilated_m_ = raster::Grid<float>(padded, kNoGround_m);
   float risk_max = risk_.at(0, 0);
 
   raster::Grid<float> ground_m = dilated_m_;  // what counts there
-  const raster::Grid<float>& surface_m = costs.map().surface_m;
   for (int row = 0; row < map_geometry_.rows; ++row) {
     for (int column = 0; column < map_geometry_.columns; ++column) {
-      float here_m = surface_m.at(column, row);
-      if (std::isnan(here_m)) {
+      const std::optional<Cell> cell = cell_of(costs, {column, row});
+      if (!cell) {
         continue;
       }
-      const double wall_m = costs.areas().wall_top_m({column, row}, kAreaFloor_m);
-      if (wall_m > static_cast<double>(here_m)) {
-        if (wall_m > static_cast<double>(here_m) + kAreaClimb_m) {
-          continue;  // stays a wall
-        }
-        here_m = static_cast<float>(wall_m);
-      }
-      surface_m_.at(column + padding, row + padding) = here_m;
-      const auto risk = static_cast<float>(
-          semantics_weight * static_cast<double>(costs.semantics_layer().at(column, row)) +
-          visibility_weight * static_cast<double>(costs.visibility_layer().at(column, row)));
-      risk_.at(column + padding, row + padding) = risk;
-      risk_max = std::max(risk_max, risk);
-      ground_m.at(column + padding, row + padding) = here_m;
+      const raster::CellIndex at{column + padding_, row + padding_};
+      surface_m_.at(at) = cell->surface_m;
+      risk_.at(at) = cell->risk;
+      risk_max = std::max(risk_max, cell->risk);
+      ground_m.at(at) = ground_of(cell->surface_m);
     }
   }
   const int reach = static_cast<int>(disc_radius_m / cell_m);
@@ -75,6 +97,95 @@ Surroundings::Surroundings(const risk::CostModel& costs, double window_m, double
   risk_max_ = static_cast<double>(risk_max);
 }
 
+float Surroundings::greatest_in_disc_m(raster::CellIndex cell) const {
+  const double cell_m = map_geometry_.cell_m;
+  const int reach = static_cast<int>(disc_radius_m_ / cell_m);
+  float greatest_m = kNoGround_m;
+  for (int up = -reach; up <= reach; ++up) {
+    for (int right = -reach; right <= reach; ++right) {
+      const raster::CellIndex other{cell.column + right, cell.row + up};
+      if (cell_m * cell_m * (up * up + right * right) <= disc_radius_m_ * disc_radius_m_ &&
+          geometry().contains(other)) {
+        greatest_m = std::max(greatest_m, ground_of(surface_m_.at(other)));
+      }
+    }
+  }
+  return greatest_m;
+}
+
+float Surroundings::greatest_in_tube_m(raster::CellIndex cell) const {
+  const int reach = static_cast<int>(tube_widths_.size()) - 1;
+  float greatest_m = surface_m_.at(cell);
+  for (int up = -reach; up <= reach; ++up) {
+    const int width = tube_widths_[static_cast<std::size_t>(std::abs(up))];
+    for (int right = -width; right <= width; ++right) {
+      const raster::CellIndex other{cell.column + right, cell.row + up};
+      greatest_m = std::max(greatest_m,
+                            geometry().contains(other) ? surface_m_.at(other) : kBlockedAltitude_m);
+    }
+  }
+  return greatest_m;
+}
+
+std::uint32_t Surroundings::word(float greatest_m, float risk) const {
+  const float risk_scale =
+      risk_max_ > 0.0 ? static_cast<float>(PackedGround::kRiskMax / risk_max_) : 0.0F;
+  // In double precision: rounding must not make the ground lower.
+  const double above_m =
+      static_cast<double>(std::clamp(greatest_m, PackedGround::kLowest_m, kBlockedAltitude_m)) -
+      static_cast<double>(PackedGround::kLowest_m);
+  const double steps = std::ceil(above_m * static_cast<double>(PackedGround::kStepsPerMetre));
+  const auto share = static_cast<std::uint32_t>(risk * risk_scale + 0.5F);
+  return static_cast<std::uint32_t>(steps) << PackedGround::kRiskBits |
+         std::min(share, PackedGround::kRiskMax);
+}
+
+void Surroundings::surface_changed(const risk::CostModel& costs,
+                                   const std::vector<raster::CellIndex>& cells) {
+  const float padding_risk = static_cast<float>(semantics_weight_ + visibility_weight_);
+  const auto greatest_risk = static_cast<float>(risk_max_);
+  std::vector<raster::CellIndex> changed;  // of the surface, padded
+  for (const raster::CellIndex& cell : cells) {
+    const raster::CellIndex at{cell.column + padding_, cell.row + padding_};
+    const Cell now = cell_of(costs, cell).value_or(Cell{kBlockedAltitude_m, padding_risk});
+    const float before = risk_.at(at);
+    risk_.at(at) = now.risk;
+    if (now.risk > greatest_risk ||
+        (before != now.risk && before == greatest_risk && padding_risk < greatest_risk)) {
+      Surroundings anew(costs, window_m_, disc_radius_m_, semantics_weight_, visibility_weight_);
+      if (!packed_.is_empty()) {
+        anew.pack(tube_radius_m_);
+      }
+      *this = std::move(anew);
+      return;
+    }
+    if (surface_m_.at(at) != now.surface_m || before != now.risk) {
+      surface_m_.at(at) = now.surface_m;
+      changed.push_back(at);
+    }
+  }
+  const auto for_each_near = [&](raster::CellIndex middle, int reach, const auto& visit) {
+    for (int row = middle.row - reach; row <= middle.row + reach; ++row) {
+      for (int column = middle.column - reach; column <= middle.column + reach; ++column) {
+        if (geometry().contains(raster::CellIndex{column, row})) {
+          visit(raster::CellIndex{column, row});
+        }
+      }
+    }
+  };
+  const int disc_reach = static_cast<int>(disc_radius_m_ / map_geometry_.cell_m);
+  const int tube_reach = tube_widths_.empty() ? 0 : tube_widths_.front();
+  for (const raster::CellIndex& middle : changed) {
+    for_each_near(middle, disc_reach,
+                  [&](raster::CellIndex cell) { dilated_m_.at(cell) = greatest_in_disc_m(cell); });
+    if (!packed_.is_empty()) {
+      for_each_near(middle, tube_reach, [&](raster::CellIndex cell) {
+        packed_.at(cell) = word(greatest_in_tube_m(cell), risk_.at(cell));
+      });
+    }
+  }
+}
+
 void Surroundings::pack(double tube_radius_m) {
   const raster::GridGeometry& g = geometry();
   // The centres that a place is interpolated between lie within a cell of it on both axes; as seen
@@ -85,7 +196,9 @@ void Surroundings::pack(double tube_radius_m) {
   // Half the width of the part of each row that counts, from the row of the
   // cell itself outwards.
   const double half_m = 0.5 * g.cell_m;
-  std::vector<int> widths;
+  tube_radius_m_ = tube_radius_m;
+  std::vector<int>& widths = tube_widths_;
+  widths.clear();
   for (int up = 0;; ++up) {
     const double up_m = std::max(0.0, up * g.cell_m - half_m);
     if (up_m > tube_radius_m) {
@@ -126,18 +239,9 @@ void Surroundings::pack(double tube_radius_m) {
       }
     }
   }
-  const float risk_scale =
-      risk_max_ > 0.0 ? static_cast<float>(PackedGround::kRiskMax / risk_max_) : 0.0F;
   packed_ = raster::Grid<std::uint32_t>(g, 0);
   for (std::size_t i = 0; i < packed_.values().size(); ++i) {
-    // In double precision: rounding must not make the ground lower.
-    const double above_m = static_cast<double>(std::clamp(
-                               greatest.values()[i], PackedGround::kLowest_m, kBlockedAltitude_m)) -
-                           static_cast<double>(PackedGround::kLowest_m);
-    const double steps = std::ceil(above_m * static_cast<double>(PackedGround::kStepsPerMetre));
-    const auto risk = static_cast<std::uint32_t>(risk_.values()[i] * risk_scale + 0.5F);
-    packed_.values()[i] = static_cast<std::uint32_t>(steps) << PackedGround::kRiskBits |
-                          std::min(risk, PackedGround::kRiskMax);
+    packed_.values()[i] = word(greatest.values()[i], risk_.values()[i]);
   }
 }
 

@@ -2,6 +2,8 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
+#include <vector>
 
 #include "raster/grid.hpp"
 #include "risk/cost_model.hpp"
@@ -58,6 +60,13 @@ class Surroundings {
   /// greatest surface of the cells whose centres are within `tube_radius_m` of
   /// anywhere in it, and its own risk. Voids and padding are walls here.
   void pack(double tube_radius_m);
+  /// Takes in what the surface of the map has become at these cells: the same then, bit by bit, as
+  /// made anew from `costs`, which has taken it in before.
+  /// @param costs  of a map of the same geometry, with the weights of the same layers
+  /// @note  O(cells, times the fourth power of the disc's or the tube's radius in cells); all is
+  ///        made anew in the rare case that a soft area there makes another risk_max().
+  void surface_changed(const risk::CostModel& costs, const std::vector<raster::CellIndex>& cells);
+
   /// Empty without pack(); padded. See PackedGround.
   [[nodiscard]] const raster::Grid<std::uint32_t>& packed() const { return packed_; }
   /// Whether what is packed alone shows that no surface within `reach_m` of a point on the map,
@@ -77,13 +86,31 @@ class Surroundings {
   }
 
  private:
+  // What a cell of the map is to flights; nothing: a void or a wall.
+  struct Cell {
+    float surface_m = 0.0F;
+    float risk = 0.0F;
+  };
+  [[nodiscard]] std::optional<Cell> cell_of(const risk::CostModel& costs,
+                                            raster::CellIndex cell) const;
+  [[nodiscard]] float greatest_in_disc_m(raster::CellIndex cell) const;
+  [[nodiscard]] float greatest_in_tube_m(raster::CellIndex cell) const;
+  [[nodiscard]] std::uint32_t word(float greatest_m, float risk) const;
+
+  double window_m_;
+  double disc_radius_m_;
+  double semantics_weight_;
+  double visibility_weight_;
+  int padding_;
   raster::GridGeometry map_geometry_;
   raster::Grid<float> surface_m_;
   raster::Grid<float> risk_;
   raster::Grid<float> dilated_m_;
   raster::Grid<std::uint32_t> packed_;
   double risk_max_ = 0.0;
-  double sure_reach_m_ = -1.0;  // of is_surely_above()
+  double tube_radius_m_ = 0.0;
+  std::vector<int> tube_widths_;  // cells to each side, by row from that of the cell outwards
+  double sure_reach_m_ = -1.0;    // of is_surely_above()
 };
 
 }  // namespace hedgehop::local_planning

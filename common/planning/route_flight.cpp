@@ -209,13 +209,18 @@ const RouteGrounds::Made* RouteGrounds::find(const local_planning::LocalOptions&
 void RouteGrounds::make(const local_planning::LocalOptions& options) {
   const auto make_one = [this](const local_planning::LocalOptions& of) {
     if (find(of) == nullptr) {
-      made_.push_back(
-          std::make_unique<const Made>(Made{of, local_planning::local_ground(*costs_, of)}));
+      made_.push_back(std::make_unique<Made>(Made{of, local_planning::local_ground(*costs_, of)}));
     }
   };
   make_one(options);
   if (options.is_compared_with_following) {
     make_one(local_planning::following_options(options));
+  }
+}
+
+void RouteGrounds::surface_changed(const std::vector<raster::CellIndex>& cells) {
+  for (const std::unique_ptr<Made>& made : made_) {
+    local_planning::surface_changed(made->ground, *costs_, made->options, cells);
   }
 }
 

@@ -42,6 +42,8 @@ class RouteGrounds {
 
   /// Makes what flights with these options need.
   void make(const local_planning::LocalOptions& options);
+  /// Takes in what the surface of the map has become at these cells, after the costs have.
+  void surface_changed(const std::vector<raster::CellIndex>& cells);
   /// Of options that make() knew. Safe to call from several threads.
   [[nodiscard]] const local_planning::LocalGround& of(
       const local_planning::LocalOptions& options) const;
@@ -55,7 +57,7 @@ class RouteGrounds {
   [[nodiscard]] const Made* find(const local_planning::LocalOptions& options) const;
 
   const risk::CostModel* costs_;
-  std::vector<std::unique_ptr<const Made>> made_;
+  std::vector<std::unique_ptr<Made>> made_;
 };
 
 /// Flies a route in each way that the config allows and returns the cheapest flight that verifies:

@@ -176,18 +176,29 @@ CostModel::CostModel(const map::Map& map, const CostWeights& weights,
   semantics_ = land_use_;
   for (int row = 0; row < map.geometry.rows && !areas_.is_empty(); ++row) {
     for (int column = 0; column < map.geometry.columns; ++column) {
-      const raster::CellIndex cell{column, row};
-      const auto terrain_m = static_cast<double>(map.terrain_m.at(cell));
-      const double altitude_m =
-          static_cast<double>(map.surface_m.at(cell)) + density_.reference_height_m();
-      for (const std::uint32_t number : areas_.areas_of(areas_.list_at(cell))) {
-        const map::Area& area = map.areas[number];
-        if (!area.is_hard && !(altitude_m < area.floor.altitude_m(terrain_m)) &&
-            !(altitude_m > area.ceiling.altitude_m(terrain_m))) {
-          semantics_.at(cell) = std::max(semantics_.at(cell), static_cast<float>(soft_area_));
-        }
-      }
+      semantics_.at(column, row) = semantics_at_reference({column, row});
     }
+  }
+}
+
+float CostModel::semantics_at_reference(raster::CellIndex cell) const {
+  float cost = land_use_.at(cell);
+  const auto terrain_m = static_cast<double>(map_->terrain_m.at(cell));
+  const double altitude_m =
+      static_cast<double>(map_->surface_m.at(cell)) + density_.reference_height_m();
+  for (const std::uint32_t number : areas_.areas_of(areas_.list_at(cell))) {
+    const map::Area& area = map_->areas[number];
+    if (!area.is_hard && !(altitude_m < area.floor.altitude_m(terrain_m)) &&
+        !(altitude_m > area.ceiling.altitude_m(terrain_m))) {
+      cost = std::max(cost, static_cast<float>(soft_area_));
+    }
+  }
+  return cost;
+}
+
+void CostModel::surface_changed(const std::vector<raster::CellIndex>& cells) {
+  for (const raster::CellIndex& cell : cells) {
+    semantics_.at(cell) = semantics_at_reference(cell);
   }
 }
 

@@ -160,6 +160,10 @@ class CostModel {
   /// @return  the cells whose values may have changed: more, as small patches reach beyond.
   raster::Window visibility_changed(const raster::Window& changed);
 
+  /// Takes in what the surface of the map has become at these cells: the same then as a model made
+  /// anew. O(cells).
+  void surface_changed(const std::vector<raster::CellIndex>& cells);
+
   /// The integrand for kernels, and the visibilities of a cell for it: one after the other by
   /// density_rule().heights_m().
   [[nodiscard]] const CostDensity& density_rule() const { return density_; }
@@ -250,6 +254,8 @@ class CostModel {
   [[nodiscard]] const raster::Grid<float>& land_use_layer() const { return land_use_; }
 
  private:
+  [[nodiscard]] float semantics_at_reference(raster::CellIndex cell) const;
+
   const map::Map* map_;
   CostWeights weights_;
   CostDensity density_;

@@ -6,7 +6,9 @@
 #include <random>
 
 #include "base/angles.hpp"
+#include "base/elementary.hpp"
 #include "base/errors.hpp"
+#include "support/fresh_seed.hpp"
 
 namespace hedgehop::geo {
 namespace {
@@ -72,6 +74,51 @@ TEST(MapProjection, ConvergenceFollowsTheClosedFormAndItsSign) {
       const double expected_rad = std::atan(std::tan(radians_from_degrees(longitude_deg - 9.0)) *
                                             std::sin(radians_from_degrees(latitude_deg)));
       EXPECT_NEAR(projection.convergence_rad(point), expected_rad, 3e-6);
+    }
+  }
+}
+
+// What convergence_rad() says it is, from the positions of two places 1 km apart: here worked out
+// for each place by the projection itself.
+double convergence_from_positions_rad(const MapProjection& projection, const MapPoint& point) {
+  const GeodeticPosition south = projection.to_geodetic({point.x_m, point.y_m - 500.0});
+  const GeodeticPosition north = projection.to_geodetic({point.x_m, point.y_m + 500.0});
+  const double latitude_rad = 0.5 * (south.latitude_rad + north.latitude_rad);
+  const double flattening = 1.0 / 298.257223563;
+  const double e2 = flattening * (2.0 - flattening);
+  const double sine = elementary::sin(latitude_rad);
+  const double w2 = 1.0 - e2 * sine * sine;
+  const double prime_vertical_m = 6378137.0 / std::sqrt(w2);
+  const double meridian_m = prime_vertical_m * (1.0 - e2) / w2;
+  const double north_m = meridian_m * (north.latitude_rad - south.latitude_rad);
+  const double east_m = prime_vertical_m * elementary::cos(latitude_rad) *
+                        wrap_to_pi(north.longitude_rad - south.longitude_rad);
+  return std::round(elementary::atan2(east_m, north_m) * 1e9) / 1e9;
+}
+
+// The last bit of a position decides 6e-8 rad of the convergence, so that this would show one.
+TEST(MapProjection, ConvergenceHasTheSameBitsForManyPlacesNearEachOtherAsForEachAlone) {
+  std::mt19937_64 random(test::fresh_seed());
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  struct Region {
+    const char* crs;
+    double latitude_deg, longitude_deg;
+  };
+  for (const Region& region : {Region{"EPSG:32632", 50.0, 11.5}, Region{"EPSG:32651", 24.8, 121.0},
+                               Region{"EPSG:32633", 71.0, 25.0}, Region{"EPSG:3035", 40.0, -5.0},
+                               Region{"EPSG:3034", 60.0, 20.0}, Region{"EPSG:32760", -18.0, 179.97},
+                               Region{"EPSG:32661", 89.99, 30.0}, Region{"EPSG:3857", 48.0, 8.0},
+                               Region{"EPSG:2056", 46.8, 8.2}}) {
+    const MapProjection projection(region.crs);
+    const MapPoint middle = projection.to_map(at_deg(region.latitude_deg, region.longitude_deg));
+    for (int i = 0; i < 4000; ++i) {
+      const MapPoint point{middle.x_m + between(-4000.0, 4000.0),
+                           middle.y_m + between(-4000.0, 4000.0)};
+      ASSERT_EQ(projection.convergence_rad(point),
+                convergence_from_positions_rad(projection, point))
+          << region.crs << " at " << point.x_m << ", " << point.y_m;
     }
   }
 }
