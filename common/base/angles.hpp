@@ -18,11 +18,18 @@ constexpr double degrees_from_radians(double angle_rad) { return angle_rad / kDe
 
 /// The same angle in [-pi, pi).
 inline double wrap_to_pi(double angle_rad) {
+  // Most angles: the same bits without a division.
+  if (std::fabs(angle_rad) <= 3.0) {
+    return angle_rad;
+  }
   return angle_rad - kTwoPi * std::floor((angle_rad + std::numbers::pi) / kTwoPi);
 }
 
 /// The same angle in [0, 2 pi).
 inline double wrap_to_two_pi(double angle_rad) {
+  if (angle_rad > 0.0 && angle_rad <= 6.0) {
+    return angle_rad;
+  }
   const double wrapped = angle_rad - kTwoPi * std::floor(angle_rad / kTwoPi);
   return wrapped >= kTwoPi ? 0.0 : wrapped;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "command_model/command_model.hpp"
@@ -17,6 +18,14 @@ struct ProfileOptions {
   double response_s = 0.0;          // dead time of the heave response
   double acceleration_share = 0.0;  // of the acceleration limit that the forecast counts on, (0, 1]
   double guide_allowance_m = 0.0;   // how far below the guide's altitude the flight may sink
+};
+
+/// Where a state is along the guide, and what the vehicle can do there.
+struct GuideView {
+  double along_m = 0.0;
+  double target_math_rad = 0.0;  // direction to the guide's target, for a forecast the heading
+  double target_m = 0.0;         // distance to it
+  flight::VerticalRates rates;
 };
 
 /// What the flight ahead needs from the vertical axis.
@@ -55,24 +64,23 @@ class ClimbForecast {
                 double safety_height_m, const ProfileOptions& options, double speed_mps,
                 const StepKernels& kernels);
 
-  /// @param trigonometry   of the state
-  /// @param along_m        where the state is along the guide
-  /// @param goal_math_rad  heading from the state to the guide's target
+  /// @param trigonometry  of the state
   ClimbAhead ahead(const command_model::ModelState& state,
-                   const command_model::StateTrigonometry& trigonometry, double along_m,
-                   double commanded_heading_math_rad, double goal_math_rad);
+                   const command_model::StateTrigonometry& trigonometry, const GuideView& view,
+                   double commanded_heading_math_rad);
 
   /// The question to the kernel.
   [[nodiscard]] ForecastTask task(const command_model::ModelState& state,
                                   const command_model::StateTrigonometry& trigonometry,
-                                  double along_m, double commanded_heading_math_rad,
-                                  double goal_math_rad) const;
+                                  const GuideView& view, double commanded_heading_math_rad) const;
   /// Towards the guide's target.
   [[nodiscard]] double ground_speed_mps(const command_model::ModelState& state,
                                         double along_m) const;
   /// What its answer means.
-  [[nodiscard]] ClimbAhead answer(const ForecastTask& task,
-                                  const command_model::ModelState& state) const;
+  [[nodiscard]] static ClimbAhead answer(const ForecastTask& task, const GuideView& view) {
+    return {std::min(static_cast<double>(task.greatest_mps), view.rates.climb_mps),
+            static_cast<double>(task.greatest_later_mps)};
+  }
 
  private:
   const Surroundings* surroundings_;
@@ -84,7 +92,8 @@ class ClimbForecast {
   StepKernels kernels_;
   std::vector<float> guide_table_;  // by place: bearing to its target without jumps, altitude
   FlightScratch scratch_;
-  double turn_max_;  // tangent of the steepest bank
+  double turn_max_;     // tangent of the steepest bank
+  ForecastTask usual_;  // what is the same in each question
 };
 
 }  // namespace hedgehop::local_planning

@@ -59,10 +59,9 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
   memory_.climb.reset(initial.climb_rate_mps / initial.speed_mps);
 }
 
-double Decider::climb_rate_max_mps(const ModelState& state) const {
+double Decider::climb_rate_max_mps(const GuideView& view) {
   constexpr double kLeast_mps = 0.1;  // where there is no power to climb, every slope is too steep
-  return std::max(model_.vehicle().vertical_rates(state.speed_mps, state.altitude_m).climb_mps,
-                  kLeast_mps);
+  return std::max(view.rates.climb_mps, kLeast_mps);
 }
 
 GroundMotion Decider::motion_of(const ModelState& state,
@@ -87,15 +86,16 @@ RolloutView Decider::view(const ModelState& state, const GroundMotion& motion,
   const double target_dx_m = target.x_m - state.x_m;
   const double target_dy_m = target.y_m - state.y_m;
   const double target_m = distance_m(target_dx_m, target_dy_m);
-  const double tangent_max = options_.climb_share * (climb_rate_max_mps(state) / speed_mps);
-  const double tangent_min = tangent_min_ * (motion.speed_mps / speed_mps);
   RolloutView view;
-  view.along_m = along_m;
-  view.target_math_rad =
-      target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : motion.course_math_rad;
+  view.guide = {
+      along_m,
+      target_m > 0.0 ? elementary::atan2(target_dy_m, target_dx_m) : motion.course_math_rad,
+      target_m, model_.vehicle().vertical_rates(speed_mps, state.altitude_m)};
+  const double tangent_max = options_.climb_share * (climb_rate_max_mps(view.guide) / speed_mps);
+  const double tangent_min = tangent_min_ * (motion.speed_mps / speed_mps);
   DirectionQuestion& question = view.question;
   question.heading_math_rad = motion.course_math_rad;
-  question.goal_math_rad = view.target_math_rad;
+  question.goal_math_rad = view.guide.target_math_rad;
   const double target_speed_mps =
       target_m > 0.0 ? flight::ground_speed_mps(wind(), speed_mps, target_dx_m / target_m,
                                                 target_dy_m / target_m)
@@ -126,14 +126,13 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   memory_.along_m = guide_.project(place, memory_.along_m - options_.projection_back_m,
                                    memory_.along_m + options_.projection_ahead_m, memory_.along_m);
   const GroundMotion motion = motion_of(state, trigonometry);
-  const double climb_max_mps = climb_rate_max_mps(state);
-  const double limit_tangent = climb_max_mps / speed_mps;
   const double turn_radius_m =
       motion.speed_mps * motion.speed_mps / (kGravity_mps2 * turn_max_ * motion.cos_crab);
   RolloutView seen = view(state, motion, memory_.along_m);
   DirectionQuestion& question = seen.question;
   const double tangent_min = question.tangent_min;
-  const double target_math_rad = seen.target_math_rad;
+  const double climb_max_mps = climb_rate_max_mps(seen.guide);
+  const double limit_tangent = climb_max_mps / speed_mps;
   if (is_going_around(state, motion)) {
     question.goal_math_rad = memory_.outbound_rad;
     seen.reach_m = std::numeric_limits<double>::infinity();
@@ -145,8 +144,7 @@ FlownStep Decider::decide(const ModelState& state, const StateTrigonometry& trig
   step.command.speed_mps = speed_mps_;
   const Judgement judgement =
       rollout_ ? judge_by_rollout(state, trigonometry, seen, step)
-               : judge_by_histogram(state, trigonometry, question, motion, target_math_rad,
-                                    turn_radius_m, seen.reach_m, step);
+               : judge_by_histogram(state, trigonometry, seen, motion, turn_radius_m, step);
   step.command.heading_math_rad =
       heading_.limited_rad(memory_.commanded_rad, step.command.heading_math_rad, options_.step_s);
   memory_.commanded_rad = step.command.heading_math_rad;
@@ -212,17 +210,16 @@ void Decider::take_wind(const GroundMotion& motion, double airspeed_mps) {
 
 Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
                                                const StateTrigonometry& trigonometry,
-                                               const DirectionQuestion& question,
-                                               const GroundMotion& motion, double target_math_rad,
-                                               double turn_radius_m, double reach_m,
-                                               FlownStep& step) {
+                                               const RolloutView& seen, const GroundMotion& motion,
+                                               double turn_radius_m, FlownStep& step) {
+  const DirectionQuestion& question = seen.question;
   const geo::MapPoint place{state.x_m, state.y_m};
   if (plain_) {
     plain_->compute(place, state.altitude_m, motion.course_math_rad, turn_radius_m, histogram_,
-                    reach_m);
+                    seen.reach_m);
   } else {
     table_->compute(place, state.altitude_m, motion.course_math_rad, turn_radius_m, histogram_,
-                    reach_m);
+                    seen.reach_m);
   }
   take_wind(motion, state.speed_mps);
   Judgement judgement;
@@ -259,12 +256,13 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
         heading_for_rad(least_climb_direction_rad(histogram_, sectors_, motion.course_math_rad,
                                                   question.goal_math_rad, kFallbackReach_rad),
                         state.speed_mps);
-    judgement.needed = give_way(state, step);
+    judgement.needed = give_way(state, seen.guide, step);
   }
   if (forecast_) {
+    GuideView in_headings = seen.guide;
+    in_headings.target_math_rad = heading_for_rad(in_headings.target_math_rad, state.speed_mps);
     judgement.ahead =
-        forecast_->ahead(state, trigonometry, memory_.along_m, step.command.heading_math_rad,
-                         heading_for_rad(target_math_rad, state.speed_mps));
+        forecast_->ahead(state, trigonometry, in_headings, step.command.heading_math_rad);
   }
   return judgement;
 }
@@ -276,7 +274,7 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
   const auto in_headings = [this](RolloutView courses, const ModelState& at) {
     courses.question.heading_math_rad = at.heading_math_rad;
     courses.question.goal_math_rad = heading_for_rad(courses.question.goal_math_rad, at.speed_mps);
-    courses.target_math_rad = heading_for_rad(courses.target_math_rad, at.speed_mps);
+    courses.guide.target_math_rad = heading_for_rad(courses.guide.target_math_rad, at.speed_mps);
     return courses;
   };
   const bool is_branching = options_.rollout.tree_depth > 1 && !memory_.is_outbound;
@@ -288,10 +286,9 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
                             along_m + run_m + options_.projection_ahead_m, along_m + run_m)),
         later);
   };
-  const RolloutView asked = in_headings(seen, state);
-  const RolloutChoice choice = rollout_->choose(
-      state, trigonometry, asked.along_m, asked.question, asked.target_math_rad,
-      memory_.commanded_rad, memory_.before_rad, asked.reach_m, is_branching ? view_at : ViewAt());
+  const RolloutChoice choice =
+      rollout_->choose(state, trigonometry, in_headings(seen, state), memory_.commanded_rad,
+                       memory_.before_rad, is_branching ? view_at : ViewAt());
   Judgement judgement;
   judgement.needed =
       std::max(choice.needed_near, std::min(choice.needed_commanded, question.tangent_max));
@@ -309,7 +306,7 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
     }
   } else {
     step.target_heading_math_rad = choice.least_climb_rad;
-    judgement.needed = give_way(state, step);
+    judgement.needed = give_way(state, seen.guide, step);
     memory_.heading.reset(choice.least_climb_rad);
   }
   if (options_.climb_ahead.is_used) {
@@ -318,13 +315,13 @@ Decider::Judgement Decider::judge_by_rollout(const ModelState& state,
   return judgement;
 }
 
-double Decider::give_way(const ModelState& state, FlownStep& step) {
+double Decider::give_way(const ModelState& state, const GuideView& view, FlownStep& step) {
   ++infeasible_decisions_;
   has_given_way_ = true;
   step.command.heading_math_rad = step.target_heading_math_rad;
   memory_.heading.reset(state.heading_math_rad);
   step.command.speed_mps = std::min(speed_mps_, options_.slow_speed_mps);
-  return climb_rate_max_mps(state) / state.speed_mps;
+  return climb_rate_max_mps(view) / state.speed_mps;
 }
 
 Decision Decider::last_decision() const {

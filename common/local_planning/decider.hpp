@@ -85,9 +85,8 @@ class Decider {
   };
   Judgement judge_by_histogram(const command_model::ModelState& state,
                                const command_model::StateTrigonometry& trigonometry,
-                               const DirectionQuestion& question, const GroundMotion& motion,
-                               double target_math_rad, double turn_radius_m, double reach_m,
-                               FlownStep& step);
+                               const RolloutView& seen, const GroundMotion& motion,
+                               double turn_radius_m, FlownStep& step);
   Judgement judge_by_rollout(const command_model::ModelState& state,
                              const command_model::StateTrigonometry& trigonometry,
                              const RolloutView& seen, FlownStep& step);
@@ -95,9 +94,9 @@ class Decider {
   [[nodiscard]] RolloutView view(const command_model::ModelState& state, const GroundMotion& motion,
                                  double along_m) const;
   /// What the vehicle climbs at most here, a little at least.
-  [[nodiscard]] double climb_rate_max_mps(const command_model::ModelState& state) const;
+  [[nodiscard]] static double climb_rate_max_mps(const GuideView& view);
   /// No direction is feasible: the target is commanded, slowly; returns all the climb there is.
-  double give_way(const command_model::ModelState& state, FlownStep& step);
+  double give_way(const command_model::ModelState& state, const GuideView& view, FlownStep& step);
   bool is_going_around(const command_model::ModelState& state, const GroundMotion& motion);
   [[nodiscard]] float needed_towards(double course_rad) const {
     return histogram_.tan_masked[static_cast<std::size_t>(sectors_.of_angle(course_rad))];

@@ -4,11 +4,12 @@
 #include <cmath>
 #include <utility>
 
+#include "base/angles.hpp"
+
 namespace hedgehop::local_planning {
 namespace {
 
 constexpr int kCellsMax = 60000;
-constexpr std::size_t kInterleaved = 512;
 constexpr int kCellsForWidth = 24;  // that make a width of windows worth resolving
 
 int cells_with_padding(const PolarConstants& constants) {
@@ -17,21 +18,77 @@ int cells_with_padding(const PolarConstants& constants) {
   return cells > 1e9 ? 1000000000 : static_cast<int>(cells);
 }
 
-// Neighbours go to the same sectors; stores to the same place in a row wait for each other.
-template <typename Entry>
-void interleave(std::vector<Entry>& entries) {
-  std::vector<Entry> from;
-  for (std::size_t begin = 0; begin < entries.size(); begin += kInterleaved) {
-    const std::size_t count = std::min(kInterleaved, entries.size() - begin);
-    from.assign(entries.begin() + static_cast<std::ptrdiff_t>(begin),
-                entries.begin() + static_cast<std::ptrdiff_t>(begin + count));
-    std::size_t at = begin;
-    constexpr std::size_t kStride = 37;
-    for (std::size_t first = 0; first < kStride; ++first) {
-      for (std::size_t i = first; i < count; i += kStride) {
-        entries[at++] = from[i];
+// Fills the last run up.
+void pad(PolarTable& table) {
+  const auto size = static_cast<std::size_t>(kLanes) * table.runs.size();
+  table.distance_m.resize(size, kFarAway_m);
+  table.azimuth_rad.resize(size, 0.0F);
+  table.rise_1pm.resize(size, 0.0F);
+  table.fall_1pm.resize(size, 0.0F);
+}
+
+// Where the cells of each run lie that may mask, and which runs are truncated.
+void bound_runs(const PolarConstants& c, PolarTable& table) {
+  constexpr float kMargin_rad = 1e-3F;
+  constexpr float kNowhere_rad = -100.0F;
+  const auto padded =
+      static_cast<std::size_t>(padded_to_lanes(static_cast<int>(table.runs.size())));
+  table.middle_rad.assign(padded, 0.0F);
+  table.spread_rad.assign(padded, kNowhere_rad);
+  table.farthest_m.assign(padded, 0.0F);
+  for (std::size_t run = 0; run < table.runs.size(); ++run) {
+    double first_rad = 0.0;
+    double least_rad = 0.0;  // from the first one
+    double greatest_rad = 0.0;
+    bool is_truncated = false;
+    float farthest_m = 0.0F;
+    for (std::size_t at = kLanes * run; at < kLanes * (run + 1); ++at) {
+      const float distance_m = table.distance_m[at];
+      if (distance_m <= c.disc || distance_m == kFarAway_m) {
+        continue;
       }
+      const auto azimuth_rad = static_cast<double>(table.azimuth_rad[at]);
+      if (farthest_m == 0.0F) {
+        first_rad = azimuth_rad;
+      }
+      const double from_first_rad = wrap_to_pi(azimuth_rad - first_rad);
+      least_rad = std::min(least_rad, from_first_rad);
+      greatest_rad = std::max(greatest_rad, from_first_rad);
+      farthest_m = std::max(farthest_m, distance_m);
+      is_truncated = is_truncated || distance_m < c.truncation_distance;
     }
+    if (farthest_m > 0.0F) {
+      table.middle_rad[run] =
+          static_cast<float>(wrap_to_pi(first_rad + 0.5 * (least_rad + greatest_rad)));
+      table.spread_rad[run] = static_cast<float>(0.5 * (greatest_rad - least_rad)) + kMargin_rad;
+      table.farthest_m[run] = farthest_m;
+    }
+    if (is_truncated) {
+      table.truncated.push_back(static_cast<std::uint16_t>(run));
+    }
+  }
+}
+
+// Stores to the same place in a row wait for each other: spreads those of each place evenly over
+// all.
+template <typename Entry, typename PlaceOf>
+void spread_out(std::vector<Entry>& entries, const PlaceOf& place_of) {
+  std::vector<std::size_t> counts;
+  for (const Entry& entry : entries) {
+    const std::size_t place = place_of(entry);
+    counts.resize(std::max(counts.size(), place + 1));
+    ++counts[place];
+  }
+  std::vector<std::size_t> seen(counts.size());
+  std::vector<std::vector<Entry>> turns(entries.size());
+  for (const Entry& entry : entries) {
+    const std::size_t place = place_of(entry);
+    const std::size_t i = seen[place]++;
+    turns[(2 * i + 1) * entries.size() / (2 * counts[place])].push_back(entry);
+  }
+  entries.clear();
+  for (const std::vector<Entry>& turn : turns) {
+    entries.insert(entries.end(), turn.begin(), turn.end());
   }
 }
 
@@ -116,14 +173,15 @@ PolarTable PolarTables::made(const PolarConstants& c, const Sectors& sectors, in
   const double within_y_m = c.within_cell_m(sub_row);
   for (int row = -reach; row <= reach; ++row) {
     const double dy_m = (row + 0.5) * c.cell_m - within_y_m;
-    const std::size_t begin = table.distance_m.size();
     for (int column = -reach; column <= reach; ++column) {
       const double dx_m = (column + 0.5) * c.cell_m - within_x_m;
       if (dx_m * dx_m + dy_m * dy_m > window_m2) {
         continue;
       }
-      if (table.distance_m.size() == begin) {
-        table.rows.push_back({row * stride + column, 0});
+      const int cell_number = row * stride + column;
+      if (table.runs.empty() || cell_number - table.runs.back() >= kLanes) {
+        pad(table);
+        table.runs.push_back(cell_number);
       }
       const PolarCell cell = polar_cell(c, sectors, dx_m, dy_m, use_ == PolarUse::kClimb);
       const auto at = static_cast<std::uint16_t>(table.distance_m.size());
@@ -155,18 +213,13 @@ PolarTable PolarTables::made(const PolarConstants& c, const Sectors& sectors, in
         table.slots.push_back({at, slot_of(end - width)});
       }
     }
-    if (table.distance_m.size() == begin) {
-      continue;
-    }
-    const auto cells = static_cast<int>(table.distance_m.size() - begin);
-    table.rows.back().vectors = padded_to_lanes(cells) / kLanes;
-    table.distance_m.resize(begin + static_cast<std::size_t>(padded_to_lanes(cells)), kFarAway_m);
-    table.azimuth_rad.resize(table.distance_m.size(), 0.0F);
-    table.rise_1pm.resize(table.distance_m.size(), 0.0F);
-    table.fall_1pm.resize(table.distance_m.size(), 0.0F);
   }
-  interleave(table.slots);
-  interleave(table.entries);
+  pad(table);
+  if (use_ == PolarUse::kClimb) {
+    bound_runs(c, table);
+  }
+  spread_out(table.slots, [](const PolarSlot& slot) { return std::size_t{slot.slot}; });
+  spread_out(table.entries, [](const PolarEntry& entry) { return std::size_t{entry.low}; });
   return table;
 }
 

@@ -216,11 +216,10 @@ void Rollout::ask(Node& node, const command_model::StateTrigonometry& trigonomet
     return static_cast<float>(wrap_to_pi(angle_rad - state.heading_math_rad));
   };
   RolloutTask& task = node.task;
-  task.path = forecast_.task(state, trigonometry, node.view.along_m, node.commanded_rad,
-                             node.view.target_math_rad);
+  task.path = forecast_.task(state, trigonometry, node.view.guide, node.commanded_rad);
   const double step_m = state.speed_mps * options_.sample_s;
   const double ground_step_m =
-      forecast_.ground_speed_mps(state, node.view.along_m) * options_.sample_s;
+      forecast_.ground_speed_mps(state, node.view.guide.along_m) * options_.sample_s;
   if (node.view.reach_m < ground_step_m * task.path.samples) {
     task.path.samples =
         std::max(kSamplesMin, static_cast<int>(std::ceil(node.view.reach_m / ground_step_m)));
@@ -288,7 +287,7 @@ void Rollout::ask_after(std::size_t depth, int candidate, const PartEnd& end,
   trigonometry.cos_heading = elementary::cos(node.state.heading_math_rad);
   trigonometry.sin_heading = elementary::sin(node.state.heading_math_rad);
   node.state.bank_left_rad = elementary::atan(trigonometry.tan_bank);
-  node.view = view_at(node.state, trigonometry, before.view.along_m, end.run_m);
+  node.view = view_at(node.state, trigonometry, before.view.guide.along_m, end.run_m);
   node.commanded_rad = direction_rad(before, candidate);
   ask(node, trigonometry, node.commanded_rad);
 }
@@ -357,19 +356,18 @@ Rollout::Best Rollout::best_of(std::size_t depth, double bound, const ViewAt& vi
 }
 
 RolloutChoice Rollout::choose(const command_model::ModelState& state,
-                              const command_model::StateTrigonometry& trigonometry, double along_m,
-                              const DirectionQuestion& question, double target_math_rad,
-                              double commanded_rad, double before_rad, double reach_m,
+                              const command_model::StateTrigonometry& trigonometry,
+                              const RolloutView& view, double commanded_rad, double before_rad,
                               const ViewAt& view_at) {
   Node& root = nodes_.front();
   root.state = state;
-  root.view = {question, target_math_rad, along_m, reach_m};
+  root.view = view;
   root.commanded_rad = commanded_rad;
   ask(root, trigonometry, before_rad);
   const double way_m =
       state.speed_mps *
       (options_.horizon_s + options_.branch_s * static_cast<double>(nodes_.size() - 1));
-  if (nodes_.size() > 1 && view_at && root.task.chosen != kNoDirection && way_m <= reach_m) {
+  if (nodes_.size() > 1 && view_at && root.task.chosen != kNoDirection && way_m <= view.reach_m) {
     const Best best = best_of(0, std::numeric_limits<double>::infinity(), view_at);
     if (best.candidate != kNoDirection) {
       root.task.chosen = best.candidate;
@@ -381,7 +379,7 @@ RolloutChoice Rollout::choose(const command_model::ModelState& state,
   }
   choice.needed_commanded = static_cast<double>(root.needed[kCommandedCandidate]);
   choice.needed_near = static_cast<double>(root.near);
-  choice.ahead = forecast_.answer(root.task.path, state);
+  choice.ahead = ClimbForecast::answer(root.task.path, view.guide);
   if (!choice.direction_rad) {
     choice.least_climb_rad = direction_rad(
         root, static_cast<int>(std::min_element(root.needed.begin(), root.needed.end()) -

@@ -28,9 +28,8 @@ struct RolloutOptions {
 /// What a place along the guide asks of a rollout from there.
 struct RolloutView {
   DirectionQuestion question;
-  double target_math_rad = 0.0;  // direction to the guide's target
-  double along_m = 0.0;          // along the guide
-  double reach_m = 0.0;          // ground further away is not looked at
+  GuideView guide;
+  double reach_m = 0.0;  // ground further away is not looked at
 };
 /// The view from a state that `run_m` of flight lead to from the place `along_m` of the guide.
 using ViewAt = std::function<RolloutView(const command_model::ModelState& state,
@@ -92,17 +91,14 @@ class Rollout {
           const ProfileOptions& profile, const RolloutOptions& options,
           const DirectionWeights& weights, double speed_mps, Kernel kernel);
 
-  /// @param question        as for cheapest_direction_rad(), but in headings
-  /// @param target_math_rad heading to the guide's target
-  /// @param commanded_rad   heading commanded before
-  /// @param before_rad      direction chosen before
-  /// @param reach_m         ground further away is not looked at
-  /// @param view_at         of later decisions; empty: there are none, as where one of them could
-  ///                        lie beyond `reach_m`
+  /// @param view           directions as headings; the question as for cheapest_direction_rad()
+  /// @param commanded_rad  heading commanded before
+  /// @param before_rad     direction chosen before
+  /// @param view_at        of later decisions; empty: there are none, as where one of them could
+  ///                       lie beyond what is looked at
   RolloutChoice choose(const command_model::ModelState& state,
-                       const command_model::StateTrigonometry& trigonometry, double along_m,
-                       const DirectionQuestion& question, double target_math_rad,
-                       double commanded_rad, double before_rad, double reach_m,
+                       const command_model::StateTrigonometry& trigonometry,
+                       const RolloutView& view, double commanded_rad, double before_rad,
                        const ViewAt& view_at = {});
 
  private:

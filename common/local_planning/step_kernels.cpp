@@ -72,86 +72,119 @@ HWY_INLINE Floats tangent_of(Floats too_high, Floats distance, Floats disc, Floa
   return hn::Add(hn::Div(too_high, run), zero);
 }
 
-// Tangents of all cells; the places in the rows where there are cells that may mask. Returns how
-// many such places there are.
-template <bool kHasReach>
-HWY_INLINE std::size_t scan_rows(const HistogramTask& task, float* HWY_RESTRICT tangents,
-                                 PolarRow* HWY_RESTRICT ahead) {
+// Tangents of all cells; those that do not count get kNothing.
+HWY_INLINE void scan_cells(const HistogramTask& task, float* HWY_RESTRICT tangents) {
   const FloatTag tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const PolarConstants& c = *task.constants;
   const PolarQuestion& q = *task.question;
   const Floats zero = hn::Zero(tag);
-  const Floats floor = hn::Set(tag, q.floor_m);
-  const Floats disc = hn::Set(tag, c.disc);
-  const Floats heading = hn::Set(tag, q.heading_rad);
-  const Floats full_turn = hn::Set(tag, kTwoPi_f);
-  const Floats quarter_pi = hn::Set(tag, kQuarterPi_f);
-  const Floats truncation_distance = hn::Set(tag, c.truncation_distance);
-  const Floats truncation_angle = hn::Set(tag, c.truncation_angle);
-  const Floats reach = hn::Set(tag, q.reach_m);
-  const Floats nothing = hn::Set(tag, kNothing);
-  // An arc is at most 1.11 times as long as its chord.
-  const Floats least_distance = hn::Set(tag, q.arc_min * (1.0F / 1.12F));
+  const Floats floor = constant(q.floor_m);
+  const Floats nothing = constant(kNothing);
   const float* HWY_RESTRICT distances = task.table->distance_m.data();
   const float* HWY_RESTRICT azimuths = task.table->azimuth_rad.data();
   const float* HWY_RESTRICT rises = task.table->rise_1pm.data();
   const float* HWY_RESTRICT falls = task.table->fall_1pm.data();
-  std::size_t found = 0;
-  std::int32_t at = 0;
-  for (const PolarRow& row : task.table->rows) {
-    const float* HWY_RESTRICT surface = task.surface_m + row.first;
-    for (int i = 0; i < row.vectors * kLanes; i += lanes, at += lanes) {
-      const Floats d = hn::LoadU(tag, distances + at);
+  std::ptrdiff_t at = 0;
+  for (const std::int32_t first : task.table->runs) {
+    const float* HWY_RESTRICT surface = task.surface_m + first;
+    for (int i = 0; i < kLanes; i += lanes, at += lanes) {
       const Floats too_high = hn::Sub(hn::LoadU(tag, surface + i), floor);
-      const Floats per_metre = hn::IfThenElse(hn::Gt(too_high, zero), hn::LoadU(tag, rises + at),
-                                              hn::LoadU(tag, falls + at));
-      const Floats tangent = hn::Add(hn::Mul(too_high, per_metre), zero);
-      const Floats turned_abs = hn::Abs(hn::Sub(hn::LoadU(tag, azimuths + at), heading));
-      const Floats off = hn::Min(turned_abs, hn::Sub(full_turn, turned_abs));
-      FloatMask is_out = hn::And(
-          hn::And(hn::Lt(d, truncation_distance), hn::Gt(off, truncation_angle)), hn::Gt(d, disc));
-      if constexpr (kHasReach) {
-        is_out = hn::Or(is_out, hn::Gt(d, reach));
-      }
-      hn::StoreU(hn::IfThenElse(is_out, nothing, tangent), tag, tangents + at);
-      ahead[found] = {row.first + i, at};
-      found += hn::AllFalse(
-                   tag, hn::And(hn::Lt(off, quarter_pi), hn::Ge(d, hn::Mul(off, least_distance))))
-                   ? 0
-                   : 1;
+      const Floats per_metre = hn::IfThenElse(hn::Gt(too_high, zero), hn::Load(tag, rises + at),
+                                              hn::Load(tag, falls + at));
+      hn::Store(hn::Add(hn::Mul(too_high, per_metre), zero), tag, tangents + at);
     }
+  }
+  const auto leave_out = [&](std::ptrdiff_t run, const auto& is_out) {
+    for (std::ptrdiff_t i = run * kLanes; i < (run + 1) * kLanes; i += lanes) {
+      const Floats tangent = hn::Load(tag, tangents + i);
+      hn::Store(hn::IfThenElse(is_out(i), nothing, tangent), tag, tangents + i);
+    }
+  };
+  for (const std::uint16_t run : task.table->truncated) {
+    leave_out(run, [&](std::ptrdiff_t i) {
+      const Floats d = hn::Load(tag, distances + i);
+      const Floats turned = hn::Abs(hn::Sub(hn::Load(tag, azimuths + i), constant(q.heading_rad)));
+      const Floats off = hn::Min(turned, hn::Sub(constant(kTwoPi_f), turned));
+      return hn::And(hn::And(hn::Lt(d, constant(c.truncation_distance)),
+                             hn::Gt(off, constant(c.truncation_angle))),
+                     hn::Gt(d, constant(c.disc)));
+    });
+  }
+  if (q.reach_m < static_cast<float>(c.window_m)) {
+    for (std::size_t run = 0; run < task.table->runs.size(); ++run) {
+      leave_out(static_cast<std::ptrdiff_t>(run), [&](std::ptrdiff_t i) {
+        return hn::Gt(hn::Load(tag, distances + i), constant(q.reach_m));
+      });
+    }
+  }
+}
+
+// An arc is at most 1.11 times as long as its chord.
+HWY_INLINE float least_arc_chord(const PolarQuestion& question) {
+  return question.arc_min * (1.0F / 1.12F);
+}
+
+// Runs that may hold cells that mask. Returns how many.
+HWY_INLINE std::size_t list_ahead(const HistogramTask& task, std::int32_t* HWY_RESTRICT ahead) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const std::size_t lanes = hn::Lanes(tag);
+  const PolarTable& table = *task.table;
+  const Floats zero = hn::Zero(tag);
+  const Floats heading = constant(task.question->heading_rad);
+  const Floats least_distance = constant(least_arc_chord(*task.question));
+  const auto step = hn::Set(int_tag, static_cast<std::int32_t>(lanes));
+  auto number = hn::Load(int_tag, kIndices);
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < table.runs.size(); i += lanes) {
+    const Floats turned = hn::Abs(hn::Sub(hn::Load(tag, table.middle_rad.data() + i), heading));
+    const Floats off = hn::Sub(hn::Min(turned, hn::Sub(constant(kTwoPi_f), turned)),
+                               hn::Load(tag, table.spread_rad.data() + i));
+    const FloatMask may_mask = hn::And(hn::Lt(off, constant(kQuarterPi_f)),
+                                       hn::Ge(hn::Load(tag, table.farthest_m.data() + i),
+                                              hn::Mul(hn::Max(off, zero), least_distance)));
+    const auto is_listed = hn::RebindMask(int_tag, may_mask);
+    hn::StoreU(hn::Compress(number, is_listed), int_tag, ahead + found);
+    found += hn::CountTrue(tag, may_mask);
+    number = hn::Add(number, step);
   }
   return found;
 }
 
 // Gathers the cells that may mask. Returns how many there are.
-HWY_INLINE std::size_t gather_ahead(const HistogramTask& task, const PolarRow* HWY_RESTRICT ahead,
-                                    std::size_t count, float* HWY_RESTRICT distance,
-                                    float* HWY_RESTRICT turned_by, float* HWY_RESTRICT height) {
+HWY_INLINE std::size_t gather_ahead(const HistogramTask& task,
+                                    const std::int32_t* HWY_RESTRICT ahead, std::size_t count,
+                                    float* HWY_RESTRICT distance, float* HWY_RESTRICT turned_by,
+                                    float* HWY_RESTRICT height) {
   const FloatTag tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
   const PolarQuestion& q = *task.question;
-  const Floats heading = hn::Set(tag, q.heading_rad);
-  const Floats least_distance = hn::Set(tag, q.arc_min * (1.0F / 1.12F));
-  const Floats disc = hn::Set(tag, task.constants->disc);
-  const Floats reach = hn::Set(tag, q.reach_m);
-  const Floats floor = hn::Set(tag, q.floor_m);
+  const Floats heading = constant(q.heading_rad);
+  const Floats least_distance = constant(least_arc_chord(q));
+  const Floats disc = constant(task.constants->disc);
+  const Floats reach = constant(q.reach_m);
+  const Floats floor = constant(q.floor_m);
   std::size_t found = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::int32_t at = ahead[i].vectors;
-    const Floats d = hn::LoadU(tag, task.table->distance_m.data() + at);
-    const Floats turned = hn::Sub(hn::LoadU(tag, task.table->azimuth_rad.data() + at), heading);
-    const Floats turned_abs = hn::Abs(turned);
-    const Floats off = hn::Min(turned_abs, hn::Sub(hn::Set(tag, kTwoPi_f), turned_abs));
-    const FloatMask is_ahead = hn::And(hn::And(hn::Lt(off, hn::Set(tag, kQuarterPi_f)),
-                                               hn::Ge(off, hn::Set(tag, kStraightAhead_rad))),
-                                       hn::And(hn::Ge(d, hn::Mul(off, least_distance)),
-                                               hn::And(hn::Gt(d, disc), hn::Le(d, reach))));
-    const Floats too_high = hn::Sub(hn::LoadU(tag, task.surface_m + ahead[i].first), floor);
-    hn::StoreU(hn::Compress(d, is_ahead), tag, distance + found);
-    hn::StoreU(hn::Compress(turned, is_ahead), tag, turned_by + found);
-    hn::StoreU(hn::Compress(too_high, is_ahead), tag, height + found);
-    found += hn::CountTrue(tag, is_ahead);
+  for (std::size_t n = 0; n < count; ++n) {
+    const std::ptrdiff_t run = ahead[n];
+    const float* HWY_RESTRICT surface = task.surface_m + task.table->runs[ahead[n]];
+    for (int i = 0; i < kLanes; i += lanes) {
+      const std::ptrdiff_t at = run * kLanes + i;
+      const Floats d = hn::Load(tag, task.table->distance_m.data() + at);
+      const Floats turned = hn::Sub(hn::Load(tag, task.table->azimuth_rad.data() + at), heading);
+      const Floats turned_abs = hn::Abs(turned);
+      const Floats off = hn::Min(turned_abs, hn::Sub(constant(kTwoPi_f), turned_abs));
+      const FloatMask is_ahead = hn::And(
+          hn::And(hn::Lt(off, constant(kQuarterPi_f)), hn::Ge(off, constant(kStraightAhead_rad))),
+          hn::And(hn::Ge(d, hn::Mul(off, least_distance)),
+                  hn::And(hn::Gt(d, disc), hn::Le(d, reach))));
+      const Floats too_high = hn::Sub(hn::LoadU(tag, surface + i), floor);
+      hn::StoreU(hn::Compress(d, is_ahead), tag, distance + found);
+      hn::StoreU(hn::Compress(turned, is_ahead), tag, turned_by + found);
+      hn::StoreU(hn::Compress(too_high, is_ahead), tag, height + found);
+      found += hn::CountTrue(tag, is_ahead);
+    }
   }
   return found;
 }
@@ -212,26 +245,61 @@ HWY_INLINE std::size_t arc_masks(const HistogramTask& task, std::size_t count,
   return found;
 }
 
-// Windows of the widest sort are resolved into two of the next one, and so on.
-HWY_INLINE void resolve_windows(const HistogramTask& task, float* HWY_RESTRICT windows,
-                                float* HWY_RESTRICT wide) {
+// Calls use(k, v) for each vector of a ring that is turned on by `shift`: v holds the entries
+// (k - shift) mod count and so on of `from`.
+template <typename Use>
+HWY_INLINE void turn_ring(const float* HWY_RESTRICT from, int count, int shift,
+                          float* HWY_RESTRICT wide, const Use& use) {
   const FloatTag tag;
+  const IntTag int_tag;
   const int lanes = static_cast<int>(hn::Lanes(tag));
-  const int padded = padded_to_lanes(task.sectors);
-  for (int i = 0; i + 1 < task.width_count; ++i) {
-    const float* HWY_RESTRICT from = windows + static_cast<std::ptrdiff_t>(i) * padded;
-    float* HWY_RESTRICT to = windows + static_cast<std::ptrdiff_t>(i + 1) * padded;
+  const int padded = padded_to_lanes(count);
+  if (count % lanes != 0) {
     for (int k = 0; k < padded; k += lanes) {
       hn::StoreU(hn::LoadU(tag, from + k), tag, wide + k);
     }
     for (int k = 0; k < padded; k += lanes) {
-      hn::StoreU(hn::LoadU(tag, from + k), tag, wide + task.sectors + k);
+      hn::StoreU(hn::LoadU(tag, from + k), tag, wide + count + k);
     }
-    const float* HWY_RESTRICT shifted = wide + task.sectors - (task.widths[i] - task.widths[i + 1]);
     for (int k = 0; k < padded; k += lanes) {
-      const Floats greatest = hn::Max(hn::LoadU(tag, from + k), hn::LoadU(tag, shifted + k));
-      hn::StoreU(hn::Max(hn::LoadU(tag, to + k), greatest), tag, to + k);
+      use(k, hn::LoadU(tag, wide + count - shift + k));
     }
+    return;
+  }
+  // Loads of what was stored just so: those that straddle two stores wait for both.
+  const int start = shift == 0 ? 0 : count - shift;
+  int at = start / lanes * lanes;
+  const int part = start - at;
+  const auto places = hn::And(hn::Add(hn::Load(int_tag, kIndices), hn::Set(int_tag, part)),
+                              hn::Set(int_tag, lanes - 1));
+  const auto turned = hn::IndicesFromVec(tag, places);
+  const FloatMask is_of_first =
+      hn::Lt(hn::Load(tag, kNumbers), constant(static_cast<float>(lanes - part)));
+  Floats first = hn::TableLookupLanes(hn::Load(tag, from + at), turned);
+  for (int k = 0; k < count; k += lanes) {
+    at = at + lanes == count ? 0 : at + lanes;
+    const Floats next = hn::TableLookupLanes(hn::Load(tag, from + at), turned);
+    use(k, hn::IfThenElse(is_of_first, first, next));
+    first = next;
+  }
+  for (int k = count; k < padded; k += lanes) {
+    use(k, constant(kNothing));
+  }
+}
+
+// Windows of the widest sort are resolved into two of the next one, and so on.
+HWY_INLINE void resolve_windows(const HistogramTask& task, float* HWY_RESTRICT windows,
+                                float* HWY_RESTRICT wide) {
+  const FloatTag tag;
+  const int padded = padded_to_lanes(task.sectors);
+  for (int i = 0; i + 1 < task.width_count; ++i) {
+    const float* HWY_RESTRICT from = windows + static_cast<std::ptrdiff_t>(i) * padded;
+    float* HWY_RESTRICT to = windows + static_cast<std::ptrdiff_t>(i + 1) * padded;
+    turn_ring(from, task.sectors, task.widths[i] - task.widths[i + 1], wide,
+              [&](int k, Floats turned) {
+                const Floats greatest = hn::Max(hn::Load(tag, from + k), turned);
+                hn::Store(hn::Max(hn::Load(tag, to + k), greatest), tag, to + k);
+              });
   }
 }
 
@@ -239,7 +307,6 @@ HWY_INLINE void resolve_windows(const HistogramTask& task, float* HWY_RESTRICT w
 // from the heading on.
 HWY_INLINE void mask_sectors_aside(const HistogramTask& task, float* HWY_RESTRICT wide) {
   const FloatTag tag;
-  const int lanes = static_cast<int>(hn::Lanes(tag));
   const int count = task.sectors;
   const int padded = padded_to_lanes(count);
   const int last = (count - 1) / 2;
@@ -266,14 +333,9 @@ HWY_INLINE void mask_sectors_aside(const HistogramTask& task, float* HWY_RESTRIC
   if (count % 2 == 0) {
     wide[count / 2] = std::min(left, right);
   }
-  for (int k = 0; k < padded; k += lanes) {
-    hn::StoreU(hn::LoadU(tag, wide + k), tag, wide + count + k);
-  }
-  const float* HWY_RESTRICT turned = wide + count - task.heading_sector;
-  for (int k = 0; k < padded; k += lanes) {
-    hn::StoreU(hn::Max(hn::LoadU(tag, task.tan_climb + k), hn::LoadU(tag, turned + k)), tag,
-               task.tan_masked + k);
-  }
+  turn_ring(wide, count, task.heading_sector, wide + 2 * padded, [&](int k, Floats turned) {
+    hn::StoreU(hn::Max(hn::LoadU(tag, task.tan_climb + k), turned), tag, task.tan_masked + k);
+  });
   for (int k = count; k < padded; ++k) {
     task.tan_masked[k] = std::numeric_limits<float>::infinity();
   }
@@ -289,17 +351,16 @@ void histogram_kernel(HistogramTask& task, HistogramScratch& scratch) {
   const std::size_t slots = static_cast<std::size_t>(task.width_count) * padded;
   float* HWY_RESTRICT tangents = with_room(scratch.tangents, cells);
   float* HWY_RESTRICT windows = with_room(scratch.windows, slots);
-  float* HWY_RESTRICT wide = with_room(scratch.wide, 2 * padded + 2 * kLanes);
-  PolarRow* HWY_RESTRICT ahead = with_room(scratch.ahead, cells / lanes + 1);
+  float* HWY_RESTRICT wide = with_room(scratch.wide, 4 * padded + 2 * kLanes);
+  std::int32_t* HWY_RESTRICT ahead = with_room(scratch.ahead, table.farthest_m.size() + kLanes);
 
-  const std::size_t places = task.question->reach_m < static_cast<float>(task.constants->window_m)
-                                 ? scan_rows<true>(task, tangents, ahead)
-                                 : scan_rows<false>(task, tangents, ahead);
-  const std::size_t room = places * lanes + kLanes;
+  scan_cells(task, tangents);
+  const std::size_t runs = list_ahead(task, ahead);
+  const std::size_t room = (runs + 1) * kLanes;
   float* HWY_RESTRICT distance = with_room(scratch.ahead_distance, room);
   float* HWY_RESTRICT turned = with_room(scratch.ahead_turned, room);
   float* HWY_RESTRICT height = with_room(scratch.ahead_height, room);
-  const std::size_t gathered = gather_ahead(task, ahead, places, distance, turned, height);
+  const std::size_t gathered = gather_ahead(task, ahead, runs, distance, turned, height);
 
   const Floats nothing = hn::Set(tag, kNothing);
   for (std::size_t i = 0; i < slots; i += lanes) {
@@ -366,12 +427,12 @@ void risk_kernel(const RiskTask& task, HistogramScratch& scratch) {
   const Floats weight_scale = hn::Set(tag, c.weight_scale);
   const Floats risk_scale = hn::Set(tag, c.risk_scale);
   std::size_t at = 0;
-  for (const PolarRow& row : table.rows) {
-    for (int i = 0; i < row.vectors * kLanes; i += lanes, at += static_cast<std::size_t>(lanes)) {
-      const Floats d = hn::LoadU(tag, table.distance_m.data() + at);
+  for (const std::int32_t first : table.runs) {
+    for (int i = 0; i < kLanes; i += lanes, at += static_cast<std::size_t>(lanes)) {
+      const Floats d = hn::Load(tag, table.distance_m.data() + at);
       const Floats share = hn::Max(hn::Sub(one, hn::Mul(hn::Mul(d, d), inverse_window2)), zero);
       const Floats risk =
-          hn::Mul(hn::Mul(share, hn::LoadU(tag, task.risk + row.first + i)), risk_scale);
+          hn::Mul(hn::Mul(share, hn::LoadU(tag, task.risk + first + i)), risk_scale);
       hn::StoreInterleaved2(whole(hn::Mul(share, weight_scale)), whole(risk), uint_tag,
                             reinterpret_cast<std::uint32_t*>(shares + at));
     }

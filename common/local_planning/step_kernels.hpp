@@ -38,14 +38,8 @@ struct VectorAllocator {
 template <typename T>
 using Aligned = std::vector<T, VectorAllocator<T>>;
 
-/// A run of cells in one row of the window.
-struct PolarRow {
-  std::int32_t first = 0;    // cell of the raster, from the one that holds the viewpoint
-  std::int32_t vectors = 0;  // of kLanes cells
-};
-
 /// What one cell beyond the disc adds to when risks are summed: its number in the order of the
-/// rows, its first sector, the one after its last sector (1..K).
+/// runs, its first sector, the one after its last sector (1..K).
 struct PolarEntry {
   std::uint32_t cell = 0;
   std::uint16_t low = 0;
@@ -57,28 +51,34 @@ struct PolarSlot {
   std::uint16_t slot = 0;
 };
 
-/// The window as seen from one sub-cell.
+/// The window as seen from one sub-cell, in runs of kLanes neighbours in a row.
 struct PolarTable {
-  std::vector<PolarRow> rows;
-  Aligned<float> distance_m;  // by row, kFarAway_m beside the window
+  std::vector<std::int32_t>
+      runs;                   // first cell of the raster, from the one that holds the viewpoint
+  Aligned<float> distance_m;  // by cell of the runs, kFarAway_m beside the window
   Aligned<float> azimuth_rad;
   Aligned<float> rise_1pm;
   Aligned<float> fall_1pm;
-  std::vector<PolarSlot> slots;        // for climbs
-  std::vector<PolarEntry> entries;     // for risks
-  std::vector<std::uint16_t> wrapped;  // cells whose sectors go on at 0
-  std::vector<std::uint16_t> near;     // cells within the disc
+  // Of cells beyond the disc, by run: azimuths lie within the spread of the middle.
+  Aligned<float> middle_rad;
+  Aligned<float> spread_rad;  // with a margin for rounding; below -2 pi where there are none
+  Aligned<float> farthest_m;
+  std::vector<std::uint16_t> truncated;  // runs with cells that may be left out beside the heading
+  std::vector<PolarSlot> slots;          // for climbs
+  std::vector<PolarEntry> entries;       // for risks
+  std::vector<std::uint16_t> wrapped;    // cells whose sectors go on at 0
+  std::vector<std::uint16_t> near;       // cells within the disc
 };
 inline constexpr float kFarAway_m = 1e9F;
 
 /// Memory of a histogram, aligned by its users.
 struct HistogramScratch {
-  Aligned<float> tangents;        // by cell of the rows
+  Aligned<float> tangents;        // by cell of the runs
   Aligned<std::uint64_t> shares;  // likewise: weighted risk * 2^32 + weight
   Aligned<float> windows;         // greatest tangents, by slot
-  Aligned<float> wide;            // two turns of one width
+  Aligned<float> wide;            // turns of one width
   Aligned<std::uint64_t> differences;
-  std::vector<PolarRow> ahead;
+  Aligned<std::int32_t> ahead;    // runs
   Aligned<float> ahead_distance;  // of cells that may mask
   Aligned<float> ahead_turned;
   Aligned<float> ahead_height;

@@ -115,7 +115,11 @@ void RolloutSimd(benchmark::State& state) {
   closed_loop(state, "local.mode=rollout", Kernel::kBest);
 }
 void usual_windows(benchmark::internal::Benchmark* bench) {
-  bench->Args({350, 64})->Args({350, 256})->Args({600, 64})->Unit(benchmark::kMillisecond);
+  bench->Args({300, 32})
+      ->Args({350, 64})
+      ->Args({350, 256})
+      ->Args({600, 64})
+      ->Unit(benchmark::kMillisecond);
 }
 BENCHMARK(TvfhPlain)->Apply(usual_windows);
 BENCHMARK(TvfhSimd)->Apply(usual_windows);

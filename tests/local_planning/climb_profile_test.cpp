@@ -29,7 +29,7 @@ class ClimbProfile : public ::testing::Test {
     const auto by = [&](Kernel kernel) {
       ClimbForecast forecast(surroundings, guide, model_, 300.0, 20.0, options, 40.0,
                              step_kernels(kernel));
-      return forecast.ahead(state, trigonometry, x_m, 0.0, 0.0);
+      return forecast.ahead(state, trigonometry, view_of(state), 0.0);
     };
     const ClimbAhead best = by(Kernel::kBest);
     for (const Kernel kernel : {Kernel::kAvx2, Kernel::kAvx512}) {
@@ -40,6 +40,12 @@ class ClimbProfile : public ::testing::Test {
       }
     }
     return best;
+  }
+
+  // On the guide, which leads east, 300 m behind its target.
+  [[nodiscard]] GuideView view_of(const command_model::ModelState& state) const {
+    return {state.x_m, 0.0, 300.0,
+            model_.vehicle().vertical_rates(state.speed_mps, state.altitude_m)};
   }
 
   command_model::CommandModel model_{test::shipped_vehicle()};
@@ -91,7 +97,7 @@ TEST_F(ClimbProfile, FlyingTheRateClearsTheStep) {
     double least_m = 1e9;
     while (state.x_m < 2500.0) {
       const ClimbAhead wanted =
-          forecast.ahead(state, command_model::trigonometry_of(state), state.x_m, 0.0, 0.0);
+          forecast.ahead(state, command_model::trigonometry_of(state), view_of(state), 0.0);
       state = model_.step(state, {40.0, 0.0, wanted.climb_rate_mps}, 0.05);
       least_m = std::min(least_m, state.altitude_m - (state.x_m > 1470.0 ? 35.0 : 0.0));
     }

@@ -111,8 +111,9 @@ class RolloutOverLevelGround : public ::testing::Test {
                     weights(), 40.0, Kernel::kBest);
     const auto state = command_model::trimmed_state(x_m, 1500.0, altitude_m, 40.0, 0.0, 0.0);
     DirectionQuestion question{0.0, 0.0, 0.0, std::tan(-10.0 * kPi / 180.0), 0.18, share};
-    return rollout.choose(state, command_model::trigonometry_of(state), x_m, question, 0.0, 0.0,
-                          before_rad, 1e9);
+    const RolloutView view{
+        question, {x_m, 0.0, 300.0, model_.vehicle().vertical_rates(40.0, altitude_m)}, 1e9};
+    return rollout.choose(state, command_model::trigonometry_of(state), view, 0.0, before_rad);
   }
 
   command_model::CommandModel model_{test::shipped_vehicle()};
@@ -170,10 +171,12 @@ class RolloutTree : public ::testing::Test {
  protected:
   [[nodiscard]] RolloutView view(const command_model::ModelState& state, double along_m) const {
     RolloutView view;
-    view.along_m = along_m;
-    view.target_math_rad = std::atan2(1500.0 - state.y_m, along_m + 300.0 - state.x_m);
+    const double east_m = along_m + 300.0 - state.x_m;
+    const double north_m = 1500.0 - state.y_m;
+    view.guide = {along_m, std::atan2(north_m, east_m), std::hypot(east_m, north_m),
+                  model_.vehicle().vertical_rates(state.speed_mps, state.altitude_m)};
     view.question = {
-        state.heading_math_rad, view.target_math_rad, 0.0, kTangentMin, kTangentMax, share_};
+        state.heading_math_rad, view.guide.target_math_rad, 0.0, kTangentMin, kTangentMax, share_};
     view.reach_m = reach_m_;
     return view;
   }
@@ -194,8 +197,7 @@ class RolloutTree : public ::testing::Test {
     const RolloutView here = view(state, 900.0);
     return rollout
         .choose(
-            state, command_model::trigonometry_of(state), here.along_m, here.question,
-            here.target_math_rad, 0.0, 0.0, here.reach_m,
+            state, command_model::trigonometry_of(state), here, 0.0, 0.0,
             [this](const command_model::ModelState& later, const command_model::StateTrigonometry&,
                    double along_m, double run_m) { return view(later, along_m + run_m); })
         .direction_rad;
@@ -353,22 +355,25 @@ TEST(RolloutKernels, AllInstructionSetsGiveTheBitsOfThePlainForm) {
         const DirectionQuestion question{
             state.heading_math_rad, uniform(-kPi, kPi), uniform(-0.1, 0.1), -0.17, 0.18,
             uniform(0.0, 1.0)};
-        const double along_m = uniform(0.0, guide.length_m());
-        const double target_rad = uniform(-kPi, kPi);
+        const GuideView on_guide{uniform(0.0, guide.length_m()), uniform(-kPi, kPi),
+                                 uniform(0.0, 400.0),
+                                 model.vehicle().vertical_rates(state.speed_mps, state.altitude_m)};
         const double commanded_rad = uniform(-kPi, kPi);
         const double before_rad = uniform(-kPi, kPi);
-        const double reach_m = place % 3 == 0 ? uniform(20.0, 600.0) : 1e9;
+        const RolloutView view{question, on_guide, place % 3 == 0 ? uniform(20.0, 600.0) : 1e9};
         const ViewAt view_at = [&](const command_model::ModelState& later,
                                    const command_model::StateTrigonometry&, double from_m,
                                    double run_m) {
-          RolloutView view{question, target_rad, std::min(from_m + run_m, guide.length_m()), 1e9};
-          view.question.heading_math_rad = later.heading_math_rad;
-          return view;
+          RolloutView there = view;
+          there.guide.along_m = std::min(from_m + run_m, guide.length_m());
+          there.reach_m = 1e9;
+          there.question.heading_math_rad = later.heading_math_rad;
+          return there;
         };
-        const RolloutChoice a = plain.choose(state, trigonometry, along_m, question, target_rad,
-                                             commanded_rad, before_rad, reach_m, view_at);
-        const RolloutChoice b = fast.choose(state, trigonometry, along_m, question, target_rad,
-                                            commanded_rad, before_rad, reach_m, view_at);
+        const RolloutChoice a =
+            plain.choose(state, trigonometry, view, commanded_rad, before_rad, view_at);
+        const RolloutChoice b =
+            fast.choose(state, trigonometry, view, commanded_rad, before_rad, view_at);
         ASSERT_EQ(a.direction_rad, b.direction_rad) << name_of_kernel(kernel);
         ASSERT_EQ(a.least_climb_rad, b.least_climb_rad) << name_of_kernel(kernel);
         ASSERT_EQ(a.needed_commanded, b.needed_commanded) << name_of_kernel(kernel);
