@@ -10,7 +10,7 @@ namespace hedgehop::local_planning {
 namespace {
 
 constexpr int kCellsMax = 60000;
-constexpr int kCellsForWidth = 24;  // that make a width of windows worth resolving
+constexpr int kCellsForWidth = 4;  // that make a width of windows worth resolving
 
 int cells_with_padding(const PolarConstants& constants) {
   const double side = 2.0 * std::ceil(constants.window_m / constants.cell_m) + 2.0;
