@@ -149,19 +149,7 @@ struct Corridors {
           before_(before),
           after_(after),
           legs_(stations_.size() - 1) {
-      tbb::parallel_for(std::size_t{0}, legs_.size(), [&](std::size_t gap) {
-        for (int a = 0; a < kPlaces; ++a) {
-          for (int b = 0; b < kPlaces; ++b) {
-            const auto i = static_cast<std::size_t>(a);
-            const auto j = static_cast<std::size_t>(b);
-            legs_[gap][i * kPlaces + j] =
-                stations_[gap].is_used[i] && stations_[gap + 1].is_used[j]
-                    ? static_cast<float>(envelope_.leg_cost_m(stations_[gap].places[i],
-                                                              stations_[gap + 1].places[j]))
-                    : std::numeric_limits<float>::infinity();
-          }
-        }
-      });
+      tbb::parallel_for(std::size_t{0}, legs_.size(), [&](std::size_t gap) { cost_legs(gap); });
     }
 
     /// The cheapest polyline all of whose legs are clear; empty if none was found.
@@ -192,6 +180,46 @@ struct Corridors {
     }
 
    private:
+    // Of all legs over one gap: those between the same two columns have the same ground below.
+    void cost_legs(std::size_t gap) {
+      legs_[gap].fill(std::numeric_limits<float>::infinity());
+      std::vector<std::size_t> first;
+      std::vector<std::size_t> second;
+      std::vector<double> from_m;
+      std::vector<double> to_m;
+      std::vector<double> costs_m;
+      const auto take_column = [](const Station& station, int column,
+                                  std::vector<std::size_t>& places,
+                                  std::vector<double>& altitudes_m) {
+        places.clear();
+        altitudes_m.clear();
+        for (int k = 0; k < kHeights; ++k) {
+          const auto at = static_cast<std::size_t>(column * kHeights + k);
+          if (station.is_used[at]) {
+            places.push_back(at);
+            altitudes_m.push_back(station.places[at].altitude_m);
+          }
+        }
+      };
+      for (int a = 0; a < kColumns; ++a) {
+        take_column(stations_[gap], a, first, from_m);
+        for (int b = 0; b < kColumns && !first.empty(); ++b) {
+          take_column(stations_[gap + 1], b, second, to_m);
+          if (second.empty()) {
+            continue;
+          }
+          envelope_.leg_costs_m(stations_[gap].places[first.front()].point(), from_m,
+                                stations_[gap + 1].places[second.front()].point(), to_m, costs_m);
+          for (std::size_t i = 0; i < first.size(); ++i) {
+            for (std::size_t j = 0; j < second.size(); ++j) {
+              legs_[gap][first[i] * kPlaces + second[j]] =
+                  static_cast<float>(costs_m[i * second.size() + j]);
+            }
+          }
+        }
+      }
+    }
+
     // Plan position of a column; its places share it.
     [[nodiscard]] const Waypoint* column_point(std::size_t station, int column) const {
       for (int k = 0; k < kHeights; ++k) {

@@ -459,7 +459,9 @@ bool FlightEnvelope::is_climb_allowed(const flight::Waypoint& a, const flight::W
   return dz_m <= limit.up * length_m && -dz_m <= limit.down * length_m;
 }
 
-double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const {
+template <typename GroundAt>
+double FlightEnvelope::leg_cost_over(const flight::Waypoint& a, const flight::Waypoint& b,
+                                     const GroundAt& ground_at) const {
   if (!is_climb_allowed(a, b)) {
     return kInfinity;
   }
@@ -474,7 +476,7 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
   const auto add = [&](int k) {
     const double t = (k + 0.5) * share;
     const geo::MapPoint point{a.x_m + t * dx_m, a.y_m + t * dy_m};
-    const Sample here = sample(point.x_m, point.y_m);
+    const Sample& here = ground_at(point, k, steps);
     const double altitude_m = a.altitude_m + t * dz_m;
     if (!(altitude_m >= here.band.low_m && altitude_m <= here.band.high_m) ||
         (here.is_in_funnel && is_in_hard_area(here, point, altitude_m))) {
@@ -501,6 +503,37 @@ double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypo
   }
   const double cost_m = sum * share * leg_m;
   return has_wires_ ? cost_m + costs_->wire_cost_m(a.point(), b.point()) : cost_m;
+}
+
+double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const {
+  return leg_cost_over(
+      a, b, [&](const geo::MapPoint& point, int, int) { return sample(point.x_m, point.y_m); });
+}
+
+void FlightEnvelope::leg_costs_m(const geo::MapPoint& a, const std::vector<double>& from_m,
+                                 const geo::MapPoint& b, const std::vector<double>& to_m,
+                                 std::vector<double>& costs_m) const {
+  // Altitudes count for the length of a leg, and so for its number of steps, though seldom.
+  std::vector<Sample> ground;
+  std::vector<bool> is_known;
+  const auto ground_at = [&](const geo::MapPoint& point, int k, int steps) -> const Sample& {
+    const auto at = static_cast<std::size_t>(k);
+    if (ground.size() != static_cast<std::size_t>(steps)) {
+      ground.resize(static_cast<std::size_t>(steps));
+      is_known.assign(static_cast<std::size_t>(steps), false);
+    }
+    if (!is_known[at]) {
+      ground[at] = sample(point.x_m, point.y_m);
+      is_known[at] = true;
+    }
+    return ground[at];
+  };
+  costs_m.clear();
+  for (const double first_m : from_m) {
+    for (const double last_m : to_m) {
+      costs_m.push_back(leg_cost_over({a.x_m, a.y_m, first_m}, {b.x_m, b.y_m, last_m}, ground_at));
+    }
+  }
 }
 
 double FlightEnvelope::density_at(const flight::Waypoint& point, double east, double north) const {

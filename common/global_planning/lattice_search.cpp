@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -31,6 +32,7 @@ constexpr double kAsideMin_m = 20000.0;
 // track need not be the best, as it is refined. With more the track is found sooner and worse.
 constexpr double kInflation = 1.2;
 constexpr double kHurriedInflation = 1.4;
+constexpr double kPartInflation = 1.4;  // of parts, which are moved most afterwards
 constexpr std::int64_t kStopInterval = 256;
 // The search from the start is alone, and in no hurry, for so long; most problems need less.
 constexpr std::int64_t kAloneWork = 60000;
@@ -54,17 +56,52 @@ constexpr auto kIsLater = [](const Entry& a, const Entry& b) {
   return a.key_m != b.key_m ? a.key_m > b.key_m : a.label > b.label;
 };
 
+/// The newest label of each node and direction; -1: none. Memory only for squares of nodes that the
+/// search comes to.
+class NewestLabels {
+ public:
+  void resize(int columns, int rows) {
+    squares_wide_ = (columns + kSide - 1) / kSide;
+    squares_.assign(static_cast<std::size_t>(squares_wide_) *
+                        static_cast<std::size_t>((rows + kSide - 1) / kSide),
+                    -1);
+  }
+  std::int32_t& at(int column, int row, int direction) {
+    std::int32_t& square =
+        squares_[static_cast<std::size_t>((row / kSide) * squares_wide_ + column / kSide)];
+    if (square < 0) {
+      square = static_cast<std::int32_t>(labels_.size());
+      labels_.emplace_back().fill(-1);
+    }
+    return labels_[static_cast<std::size_t>(square)][static_cast<std::size_t>(
+        ((row % kSide) * kSide + column % kSide) * kLatticeDirections + direction)];
+  }
+
+ private:
+  static constexpr int kSide = 8;
+
+  int squares_wide_ = 0;
+  std::vector<std::int32_t> squares_;  // index in labels_
+  std::deque<std::array<std::int32_t, static_cast<std::size_t>(kSide* kSide* kLatticeDirections)>>
+      labels_;
+};
+
 class Search {
  public:
   Search(const FlightEnvelope& envelope, const GlobalOptions& options, const LatticeSpare& spare,
          const flight::Waypoint& from, const flight::Waypoint& to, const CostField* field,
-         bool is_backward)
+         bool is_backward, const LatticePart* part = nullptr)
       : envelope_(envelope),
         spare_(spare),
         from_(from),
         to_(to),
         is_backward_(is_backward),
+        part_(part),
         field_(field) {
+    if (part_ != nullptr) {
+      inflation_ = kPartInflation;
+      beyond_m_ = field->cost_m(to.point());
+    }
     if (field_ == nullptr) {
       own_field_.emplace(envelope, to.point(), options.field_block_m);
     }
@@ -91,8 +128,10 @@ class Search {
           std::max(1, static_cast<int>(std::ceil(needed_m / length_m)));
     }
     // Of a large map, what lies around both ends.
-    const double aside_m =
-        kAsideMin_m + 0.5 * std::max(std::fabs(to.x_m - from.x_m), std::fabs(to.y_m - from.y_m));
+    const double aside_m = part_ != nullptr
+                               ? part_->aside_m
+                               : kAsideMin_m + 0.5 * std::max(std::fabs(to.x_m - from.x_m),
+                                                              std::fabs(to.y_m - from.y_m));
     const double west_m = std::max(geometry.west_m, std::min(from.x_m, to.x_m) - aside_m);
     const double south_m = std::max(geometry.south_m, std::min(from.y_m, to.y_m) - aside_m);
     const double east_m = std::min(geometry.east_m(), std::max(from.x_m, to.x_m) + aside_m);
@@ -101,9 +140,7 @@ class Search {
     south_ = static_cast<int>(std::floor((from.y_m - south_m) / spacing_m_));
     columns_ = west_ + 1 + static_cast<int>(std::floor((east_m - from.x_m) / spacing_m_));
     rows_ = south_ + 1 + static_cast<int>(std::floor((north_m - from.y_m) / spacing_m_));
-    first_label_.assign(
-        static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) * kLatticeDirections,
-        -1);
+    newest_.resize(columns_, rows_);
   }
 
   /// Goes on until `work_units` in total, the first track, nothing left, or `should_stop`.
@@ -170,11 +207,12 @@ class Search {
   }
 
   [[nodiscard]] double key_m(const Label& label, double onwards_m) const {
-    return label.cost_m + (is_hurried_ ? kHurriedInflation : kInflation) * onwards_m;
+    return label.cost_m + inflation_ * onwards_m;
   }
 
   void hurry() {
     is_hurried_ = true;
+    inflation_ = std::max(inflation_, kHurriedInflation);
     for (Entry& entry : queue_) {
       const Label& label = labels_[static_cast<std::size_t>(entry.label)];
       if (label.direction != kGoalMark) {
@@ -185,15 +223,73 @@ class Search {
   }
 
   [[nodiscard]] double ahead_m(const geo::MapPoint& at) const {
-    return (field_ != nullptr ? *field_ : *own_field_).cost_m(at);
+    const double ahead_m = (field_ != nullptr ? *field_ : *own_field_).cost_m(at);
+    if (part_ == nullptr) {
+      return ahead_m;
+    }
+    const double dx_m = to_.x_m - at.x_m;
+    const double dy_m = to_.y_m - at.y_m;
+    return std::max(ahead_m - beyond_m_, std::sqrt(dx_m * dx_m + dy_m * dy_m));
+  }
+
+  // Whether the search begins or ends where the envelope has a funnel, and at one altitude.
+  [[nodiscard]] bool is_own_end(const flight::Waypoint& end) const {
+    return part_ == nullptr || end == envelope_.start() || end == envelope_.goal();
+  }
+
+  // Whether a first leg to somewhere may be flown, or backward a leg from there.
+  [[nodiscard]] bool may_begin(double x_m, double y_m) const {
+    if (is_backward_) {
+      return part_ == nullptr || !part_->lead_out ||
+             envelope_.is_turn_allowed(-x_m, -y_m, part_->lead_out->x_m, part_->lead_out->y_m);
+    }
+    return part_ == nullptr || from_ == envelope_.start()
+               ? envelope_.may_leave_start(x_m, y_m)
+               : !part_->lead_in ||
+                     envelope_.is_turn_allowed(part_->lead_in->x_m, part_->lead_in->y_m, x_m, y_m);
+  }
+
+  [[nodiscard]] bool may_end(double x_m, double y_m) const {
+    if (is_backward_) {
+      return part_ == nullptr || to_ == envelope_.start()
+                 ? envelope_.may_leave_start(-x_m, -y_m)
+                 : !part_->lead_in || envelope_.is_turn_allowed(part_->lead_in->x_m,
+                                                                part_->lead_in->y_m, -x_m, -y_m);
+    }
+    return part_ == nullptr || !part_->lead_out ||
+           envelope_.is_turn_allowed(x_m, y_m, part_->lead_out->x_m, part_->lead_out->y_m);
+  }
+
+  [[nodiscard]] AltitudeBand first_altitudes() const {
+    const double z_m = from_.altitude_m;
+    if (is_own_end(from_)) {
+      return {z_m, z_m};
+    }
+    const AltitudeBand band = envelope_.band_at(from_.point());
+    const double low_m = std::max(z_m, band.low_m + spare_.margin_m);
+    return {low_m, std::min(low_m + part_->higher_m, band.high_m - spare_.margin_m)};
+  }
+
+  // Whether the altitudes at the end let the flight go on, or backward come there.
+  [[nodiscard]] bool may_end_at(const AltitudeBand& altitudes) const {
+    const double z_m = to_.altitude_m;
+    if (is_own_end(to_)) {
+      return altitudes.low_m <= z_m && z_m <= altitudes.high_m;
+    }
+    // What follows can be flown from above: it was as low as it may be.
+    return altitudes.is_flyable() && z_m <= altitudes.high_m &&
+           (!is_backward_ || altitudes.low_m <= z_m + part_->higher_m);
   }
 
   // The free first leg, to every node around the start, and straight to the goal.
   void begin() {
-    const double z_m = from_.altitude_m;
+    const AltitudeBand altitudes = first_altitudes();
+    if (!altitudes.is_flyable()) {
+      return;
+    }
     const Label start{0.0,
-                      static_cast<float>(z_m),
-                      static_cast<float>(z_m),
+                      static_cast<float>(altitudes.low_m),
+                      static_cast<float>(altitudes.high_m),
                       0.0F,
                       west_,
                       south_,
@@ -249,7 +345,7 @@ class Search {
       if (!is_turn_allowed(from, run_x_m, run_y_m)) {
         return;
       }
-    } else if (!is_backward_ && !envelope_.may_leave_start(run_x_m, run_y_m)) {
+    } else if (!may_begin(run_x_m, run_y_m)) {
       return;
     }
     const double onwards_m = ahead_m(b);
@@ -258,12 +354,10 @@ class Search {
     }
     std::int32_t* chain = nullptr;
     if (direction >= 0) {
-      chain = &first_label_[(static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-                             static_cast<std::size_t>(column)) *
-                                kLatticeDirections +
-                            static_cast<std::size_t>(direction)];
+      chain = &newest_.at(column, row, direction);
     }
-    const FlightEnvelope::Arrival arrival = follow(a, b, from, from.before < 0);
+    const FlightEnvelope::Arrival arrival =
+        follow(a, b, from, from.before < 0 && is_own_end(from_));
     if (!arrival.altitudes.is_flyable()) {
       return;
     }
@@ -309,14 +403,12 @@ class Search {
     const double dx_m = b.x_m - a.x_m;
     const double dy_m = b.y_m - a.y_m;
     if (dx_m * dx_m + dy_m * dy_m > kEndLegMax_m * kEndLegMax_m || (dx_m == 0.0 && dy_m == 0.0) ||
-        (index > 0 && !is_turn_allowed(from, dx_m, dy_m)) ||
-        (is_backward_ && !envelope_.may_leave_start(-dx_m, -dy_m)) ||
-        (!is_backward_ && index == 0 && !envelope_.may_leave_start(dx_m, dy_m))) {
+        (index > 0 && !is_turn_allowed(from, dx_m, dy_m)) || !may_end(dx_m, dy_m) ||
+        (index == 0 && !may_begin(dx_m, dy_m))) {
       return;
     }
-    const double z_m = to_.altitude_m;
-    const FlightEnvelope::Arrival arrival = follow(a, b, from, true);
-    if (arrival.altitudes.low_m <= z_m && z_m <= arrival.altitudes.high_m) {
+    const FlightEnvelope::Arrival arrival = follow(a, b, from, is_own_end(to_));
+    if (may_end_at(arrival.altitudes)) {
       Label label = from;
       label.before = index;
       label.direction = kGoalMark;
@@ -355,8 +447,10 @@ class Search {
   LatticeSpare spare_;
   flight::Waypoint from_;
   flight::Waypoint to_;
-  bool is_backward_;        // flown from `to`
-  const CostField* field_;  // null: own_field_
+  bool is_backward_;         // flown from `to`
+  const LatticePart* part_;  // null: the ends are those of the envelope
+  double beyond_m_ = 0.0;    // of a part: from `to` to the goal
+  const CostField* field_;   // null: own_field_
   std::optional<CostField> own_field_;
   double spacing_m_ = 0.0;
   std::array<int, kLatticeDirections> repeats_{};
@@ -364,16 +458,35 @@ class Search {
   int south_ = 0;  // its row
   int columns_ = 0;
   int rows_ = 0;
-  std::vector<std::int32_t> first_label_;  // per node and direction
+  NewestLabels newest_;
   std::vector<Label> labels_;
   std::vector<Entry> queue_;
   std::vector<geo::MapPoint> track_;
   double cost_m_ = kInfinity;
   std::int64_t work_units_ = 0;
   bool is_hurried_ = false;
+  double inflation_ = kInflation;
 };
 
 }  // namespace
+
+LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
+                             const LatticeSpare& spare, const LatticePart& part,
+                             std::int64_t work_budget, const std::function<bool()>& should_stop,
+                             const CostField& ahead) {
+  Search search(envelope, options, spare, part.is_backward ? part.to : part.from,
+                part.is_backward ? part.from : part.to, &ahead, part.is_backward, &part);
+  search.advance(work_budget, should_stop);
+  LatticeResult result;
+  result.track = search.track();
+  if (part.is_backward) {
+    std::reverse(result.track.begin(), result.track.end());
+  }
+  result.cost_m = search.cost_m();
+  result.work_units = search.work_units();
+  result.is_exhausted = result.track.empty() && search.is_finished();
+  return result;
+}
 
 LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
                              const LatticeSpare& spare, std::int64_t work_budget,

@@ -50,4 +50,26 @@ LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions
                              const std::function<bool()>& should_stop,
                              const CostField* to_goal = nullptr);
 
+/// A part of a route: from one of its places to a later one.
+struct LatticePart {
+  flight::Waypoint from;
+  flight::Waypoint to;
+  std::optional<LeadIn> lead_in;   // the leg of the route that ends at `from`
+  std::optional<LeadIn> lead_out;  // and the one that begins at `to`
+  double higher_m = 0.0;           // than at `from` the flight may be there
+  double aside_m = 0.0;            // of the box around both ends that is searched
+  bool is_backward = false;        // searched from `to`
+};
+
+/// The same for a part of a route that is flown as low as it may be, so that what follows can be
+/// flown from any height above it too. The turns into and out of the part are kept. Altitudes at
+/// its ends are open upwards, except at start and goal of the envelope, where all is as above. The
+/// search goes from one end alone. What `ahead` says of a place, less what it says of the end that
+/// is looked for, leads it, or the straight line where that is more; it counts more than above,
+/// since what is found gets moved.
+LatticeResult search_lattice(const FlightEnvelope& envelope, const GlobalOptions& options,
+                             const LatticeSpare& spare, const LatticePart& part,
+                             std::int64_t work_budget, const std::function<bool()>& should_stop,
+                             const CostField& ahead);
+
 }  // namespace hedgehop::global_planning

@@ -3,34 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "global_planning/route_line.hpp"
+
 namespace hedgehop::global_planning {
-namespace {
-
-// Turns below this are straight: it moves the end of a leg of 10 km by a millimetre.
-constexpr double kStraight_rad = 1e-7;
-
-}  // namespace
-
 bool are_turns_allowed(const FlightEnvelope& envelope,
                        const std::vector<flight::Waypoint>& waypoints) {
-  std::vector<geo::MapPoint> corners;
-  const auto is_straight = [](const geo::MapPoint& a, const geo::MapPoint& b,
-                              const geo::MapPoint& c) {
-    const double first_x_m = b.x_m - a.x_m;
-    const double first_y_m = b.y_m - a.y_m;
-    const double second_x_m = c.x_m - b.x_m;
-    const double second_y_m = c.y_m - b.y_m;
-    const double along = first_x_m * second_x_m + first_y_m * second_y_m;
-    return along > 0.0 &&
-           std::fabs(first_x_m * second_y_m - first_y_m * second_x_m) <= kStraight_rad * along;
-  };
-  for (const flight::Waypoint& waypoint : waypoints) {
-    while (corners.size() >= 2 &&
-           is_straight(corners[corners.size() - 2], corners.back(), waypoint.point())) {
-      corners.pop_back();
-    }
-    corners.push_back(waypoint.point());
-  }
+  const std::vector<flight::Waypoint> corners = corners_of(waypoints);
   if (const flight::Waypoint& start = envelope.start();
       corners.size() >= 2 && corners[0].x_m == start.x_m && corners[0].y_m == start.y_m &&
       !envelope.may_leave_start(corners[1].x_m - corners[0].x_m, corners[1].y_m - corners[0].y_m)) {

@@ -77,12 +77,25 @@ double shortfall_m(const FlightEnvelope& envelope, const flight::Waypoint& a,
   return short_m;
 }
 
-}  // namespace
+// Raises the floor by the spare; false where it cannot be flown.
+bool take_spare(const FlightEnvelope& envelope, std::vector<Sample>& samples) {
+  const std::size_t last = samples.size() - 1;
+  for (std::size_t i = 0; i <= last; ++i) {
+    if (!samples[i].band.is_flyable()) {
+      return false;
+    }
+    if (i > 0 && i < last) {
+      samples[i].band.low_m =
+          std::min(samples[i].band.low_m + kMargin_m * envelope.spare_share(samples[i].point),
+                   samples[i].band.high_m);
+    }
+  }
+  return true;
+}
 
-std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
-                                             const std::vector<geo::MapPoint>& track,
-                                             double step_m) {
-  std::vector<Sample> samples = sample_track(envelope, track, step_m);
+// The lowest altitudes over the samples' floors that keep the slope limits; empty if none do.
+std::vector<double> lowest_over(const FlightEnvelope& envelope, const std::vector<Sample>& samples,
+                                double start_m, double goal_m) {
   const std::size_t last = samples.size() - 1;
   // A hair less than the limit, so that rounding does not exceed it.
   const SlopeLimits& slopes = envelope.slopes();
@@ -92,45 +105,57 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
     return slopes.at(altitude_m, samples[i].point.x_m - samples[i - 1].point.x_m,
                      samples[i].point.y_m - samples[i - 1].point.y_m);
   };
+  std::vector<double> altitude_m(samples.size());
   for (std::size_t i = 0; i <= last; ++i) {
-    if (!samples[i].band.is_flyable()) {
+    altitude_m[i] = samples[i].band.low_m;
+  }
+  altitude_m[0] = start_m;
+  altitude_m[last] = goal_m;
+  for (std::size_t i = 1; i <= last; ++i) {
+    altitude_m[i] = std::max(altitude_m[i],
+                             altitude_m[i - 1] - limit_before(i, altitude_m[i - 1]).down * kShare *
+                                                     (samples[i].along_m - samples[i - 1].along_m));
+  }
+  for (std::size_t i = last; i-- > 0;) {
+    altitude_m[i] = std::max(
+        altitude_m[i], altitude_m[i + 1] - limit_before(i + 1, altitude_m[i + 1]).up * kShare *
+                                               (samples[i + 1].along_m - samples[i].along_m));
+  }
+  constexpr double kRounding_m = 1e-6;
+  if (altitude_m[0] > start_m + kRounding_m || altitude_m[last] > goal_m + kRounding_m) {
+    return {};
+  }
+  altitude_m[0] = start_m;
+  altitude_m[last] = goal_m;
+  for (std::size_t i = 0; i <= last; ++i) {
+    if (altitude_m[i] > samples[i].band.high_m) {
       return {};
-    }
-    if (i > 0 && i < last) {
-      samples[i].band.low_m =
-          std::min(samples[i].band.low_m + kMargin_m * envelope.spare_share(samples[i].point),
-                   samples[i].band.high_m);
     }
   }
-  const double start_m = envelope.start().altitude_m;
-  const double goal_m = envelope.goal().altitude_m;
-  std::vector<double> altitude_m(samples.size());
+  return altitude_m;
+}
+
+}  // namespace
+
+std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
+                                             const std::vector<geo::MapPoint>& track,
+                                             double step_m) {
+  return lowest_profile(envelope, track, envelope.start().altitude_m, envelope.goal().altitude_m,
+                        step_m);
+}
+
+std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
+                                             const std::vector<geo::MapPoint>& track,
+                                             double start_m, double goal_m, double step_m) {
+  std::vector<Sample> samples = sample_track(envelope, track, step_m);
+  if (!take_spare(envelope, samples)) {
+    return {};
+  }
+  const std::size_t last = samples.size() - 1;
   for (int attempt = 0; attempt < kTriesMax; ++attempt) {
-    for (std::size_t i = 0; i <= last; ++i) {
-      altitude_m[i] = samples[i].band.low_m;
-    }
-    altitude_m[0] = start_m;
-    altitude_m[last] = goal_m;
-    for (std::size_t i = 1; i <= last; ++i) {
-      altitude_m[i] = std::max(
-          altitude_m[i], altitude_m[i - 1] - limit_before(i, altitude_m[i - 1]).down * kShare *
-                                                 (samples[i].along_m - samples[i - 1].along_m));
-    }
-    for (std::size_t i = last; i-- > 0;) {
-      altitude_m[i] = std::max(
-          altitude_m[i], altitude_m[i + 1] - limit_before(i + 1, altitude_m[i + 1]).up * kShare *
-                                                 (samples[i + 1].along_m - samples[i].along_m));
-    }
-    constexpr double kRounding_m = 1e-6;
-    if (altitude_m[0] > start_m + kRounding_m || altitude_m[last] > goal_m + kRounding_m) {
+    const std::vector<double> altitude_m = lowest_over(envelope, samples, start_m, goal_m);
+    if (altitude_m.empty()) {
       return {};
-    }
-    altitude_m[0] = start_m;
-    altitude_m[last] = goal_m;
-    for (std::size_t i = 0; i <= last; ++i) {
-      if (altitude_m[i] > samples[i].band.high_m) {
-        return {};
-      }
     }
     const auto waypoint = [&](std::size_t i) {
       return flight::Waypoint{samples[i].point.x_m, samples[i].point.y_m, altitude_m[i]};
@@ -186,6 +211,21 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
     }
   }
   return {};
+}
+
+std::vector<flight::Waypoint> lowest_line(const FlightEnvelope& envelope,
+                                          const std::vector<geo::MapPoint>& track, double start_m,
+                                          double goal_m, double step_m) {
+  std::vector<Sample> samples = sample_track(envelope, track, step_m);
+  if (!take_spare(envelope, samples)) {
+    return {};
+  }
+  const std::vector<double> altitude_m = lowest_over(envelope, samples, start_m, goal_m);
+  std::vector<flight::Waypoint> line;
+  for (std::size_t i = 0; i < altitude_m.size(); ++i) {
+    line.push_back({samples[i].point.x_m, samples[i].point.y_m, altitude_m[i]});
+  }
+  return line;
 }
 
 std::vector<flight::Waypoint> cheaper_profile(const FlightEnvelope& envelope,

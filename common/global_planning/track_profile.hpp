@@ -20,6 +20,17 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
                                              const std::vector<geo::MapPoint>& track,
                                              double step_m);
 
+/// The same between two places of a flight: from `start_m` to `goal_m` [m AMSL].
+std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
+                                             const std::vector<geo::MapPoint>& track,
+                                             double start_m, double goal_m, double step_m);
+
+/// The line that lowest_profile() follows: the lowest altitudes at places at most `step_m` apart.
+/// What lies between them is not looked at, so it is no route, but costs about what one does.
+std::vector<flight::Waypoint> lowest_line(const FlightEnvelope& envelope,
+                                          const std::vector<geo::MapPoint>& track, double start_m,
+                                          double goal_m, double step_m);
+
 /// The lowest flight along a route's own ground track, if there is one that costs less than the
 /// route. Empty otherwise. Costs are compared in steps of `compare_step_m`.
 std::vector<flight::Waypoint> cheaper_profile(const FlightEnvelope& envelope,

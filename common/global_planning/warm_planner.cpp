@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <optional>
 #include <utility>
 
-#include "global_planning/corridor_refinement.hpp"
+#include "global_planning/detour.hpp"
 #include "global_planning/lattice_route.hpp"
+#include "global_planning/lattice_search.hpp"
+#include "global_planning/low_corridor.hpp"
 #include "global_planning/route_finish.hpp"
 #include "global_planning/track_profile.hpp"
 
@@ -18,106 +20,31 @@ using flight::Waypoint;
 
 constexpr double kCostStep_m = 1.0;
 constexpr double kCompareStep_m = 4.0;
-constexpr double kSample_m = 100.0;        // between the places of the old route that are judged
-constexpr double kNear_m = 700.0;          // the way down the field keeps to it within this
 constexpr double kChangeMargin_m = 300.0;  // a change this near counts
 constexpr double kOnRoute_m = 1.0;
-constexpr double kAboveFloor_m = 10.0;  // of the line along the way down the field
-constexpr double kWayStep_m = 250.0;
 constexpr double kBlocks = 2.0;  // of the field, in blocks of the one that leads plan_leg()
-constexpr double kClimbShare = 0.95;
 constexpr double kProfileStep_m = 10.0;
-constexpr double kBlend_m = 1500.0;  // of the old route on both sides is replaced with a stretch
-constexpr CorridorGrid kFirstGrid{250.0, 120.0, 30.0};
-// Sideways moves with two heights, each followed by the lowest profile where the list says so.
+constexpr double kBlend_m = 1500.0;  // of the old route on both sides is moved with a new part
+// A sweep over a corridor, which is repeated while it pays.
 struct Pass {
-  CorridorGrid grid;
+  LowCorridorGrid grid;
   int repeats;
-  bool is_lowered;
 };
-constexpr std::array<Pass, 5> kPasses = {{{{250.0, 120.0, 25.0, true}, 3, false},
-                                          {{200.0, 60.0, 15.0, true}, 3, true},
-                                          {{200.0, 30.0, 10.0, true}, 2, false},
-                                          {{150.0, 40.0, 8.0, true}, 2, false},
-                                          {{150.0, 15.0, 5.0, true}, 1, true}}};
-constexpr CorridorGrid kLatticeGrid{200.0, 60.0, 15.0};
+constexpr std::array<Pass, 4> kPasses = {
+    {{{250.0, 150.0}, 2}, {{200.0, 60.0}, 3}, {{150.0, 25.0}, 2}, {{150.0, 10.0}, 1}}};
 constexpr double kGainMin = 0.002;  // for a pass to be repeated
-constexpr std::int64_t kNoLimit = std::numeric_limits<std::int64_t>::max() / 2;
 constexpr std::int64_t kLatticeWork = 150'000;
-
-double plan_distance_m(const geo::MapPoint& a, const geo::MapPoint& b) {
-  const double dx_m = b.x_m - a.x_m;
-  const double dy_m = b.y_m - a.y_m;
-  return std::sqrt(dx_m * dx_m + dy_m * dy_m);
-}
-
-/// A polyline that is asked for places by their distance along it, seen from above.
-class Line {
- public:
-  explicit Line(std::vector<Waypoint> points) : points_(std::move(points)), along_m_{0.0} {
-    for (std::size_t i = 1; i < points_.size(); ++i) {
-      along_m_.push_back(along_m_.back() +
-                         plan_distance_m(points_[i - 1].point(), points_[i].point()));
-    }
-  }
-  [[nodiscard]] double length_m() const { return along_m_.back(); }
-  [[nodiscard]] Waypoint at(double along_m) const {
-    const std::size_t leg = leg_at(along_m);
-    const double leg_m = along_m_[leg] - along_m_[leg - 1];
-    const double t =
-        leg_m > 0.0 ? std::clamp((along_m - along_m_[leg - 1]) / leg_m, 0.0, 1.0) : 0.0;
-    const Waypoint& a = points_[leg - 1];
-    const Waypoint& b = points_[leg];
-    if (t >= 1.0) {
-      return b;  // to the last bit
-    }
-    return {a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m),
-            a.altitude_m + t * (b.altitude_m - a.altitude_m)};
-  }
-  /// From one place to another, corners between them included.
-  [[nodiscard]] std::vector<Waypoint> part(double from_m, double to_m) const {
-    std::vector<Waypoint> part = {at(from_m)};
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      if (along_m_[i] > from_m + kOnRoute_m && along_m_[i] < to_m - kOnRoute_m) {
-        part.push_back(points_[i]);
-      }
-    }
-    part.push_back(at(to_m));
-    return part;
-  }
-  struct Nearest {
-    double along_m = 0.0;
-    double distance_m = std::numeric_limits<double>::infinity();
-  };
-  [[nodiscard]] Nearest nearest(const geo::MapPoint& point) const {
-    Nearest nearest;
-    for (std::size_t i = 1; i < points_.size(); ++i) {
-      const Waypoint& a = points_[i - 1];
-      const double dx_m = points_[i].x_m - a.x_m;
-      const double dy_m = points_[i].y_m - a.y_m;
-      const double square_m2 = dx_m * dx_m + dy_m * dy_m;
-      const double t =
-          square_m2 > 0.0
-              ? std::clamp(((point.x_m - a.x_m) * dx_m + (point.y_m - a.y_m) * dy_m) / square_m2,
-                           0.0, 1.0)
-              : 0.0;
-      const double distance_m = plan_distance_m(point, {a.x_m + t * dx_m, a.y_m + t * dy_m});
-      if (distance_m < nearest.distance_m) {
-        nearest = {along_m_[i - 1] + t * std::sqrt(square_m2), distance_m};
-      }
-    }
-    return nearest;
-  }
-
- private:
-  [[nodiscard]] std::size_t leg_at(double along_m) const {
-    const auto after = std::lower_bound(along_m_.begin() + 1, along_m_.end() - 1, along_m);
-    return static_cast<std::size_t>(after - along_m_.begin());
-  }
-
-  std::vector<Waypoint> points_;
-  std::vector<double> along_m_;
+constexpr std::int64_t kPartWork = 15'000;
+struct Elsewhere {
+  double earlier_m, farther_m;
 };
+// Where no way is found, others that leave so much earlier and join so much farther are looked for.
+constexpr std::array<Elsewhere, 2> kElsewhere = {{{0.0, 0.0}, {1500.0, 1000.0}}};
+constexpr double kPartAside_m = 3000.0;
+// As of lattice_route().
+constexpr std::array<LatticeSpare, 2> kPartSpares = {{{2.0, 0.97}, {6.0, 0.85}}};
+constexpr double kHigherMax_m = 100.0;  // where a part leaves the route
+constexpr double kHigherShare = 0.07;   // of what was flown until there: half of a climb
 
 void append(std::vector<Waypoint>& to, const std::vector<Waypoint>& more) {
   for (const Waypoint& point : more) {
@@ -127,6 +54,8 @@ void append(std::vector<Waypoint>& to, const std::vector<Waypoint>& more) {
   }
 }
 
+LeadIn leg_between(const Waypoint& a, const Waypoint& b) { return {b.x_m - a.x_m, b.y_m - a.y_m}; }
+
 }  // namespace
 
 WarmPlanner::WarmPlanner(const risk::CostModel& costs, const GlobalOptions& options,
@@ -135,7 +64,17 @@ WarmPlanner::WarmPlanner(const risk::CostModel& costs, const GlobalOptions& opti
       problem_(problem),
       envelope_(costs, options, problem.start, problem.goal),
       field_(envelope_, problem.goal.point(), kBlocks * options.field_block_m),
-      route_(std::move(route)) {}
+      route_(std::move(route)) {
+  judge_field();
+}
+
+void WarmPlanner::judge_field() {
+  const double field_m = field_.cost_m(route_.front().point());
+  cost_per_field_ = envelope_.route_cost_m(route_, kCompareStep_m) / field_m;
+  if (!(cost_per_field_ > 0.0) || !std::isfinite(cost_per_field_)) {
+    cost_per_field_ = 1.0;
+  }
+}
 
 void WarmPlanner::costs_changed(const raster::Window& cells) {
   changes_.push_back(cells);
@@ -162,7 +101,7 @@ std::variant<WarmRoute, flight::NoPlan> WarmPlanner::replan(const Waypoint& star
   result.blocks_renewed = std::exchange(blocks_renewed_, 0);
   std::vector<Waypoint> route;
   if (envelope_.contains(start)) {
-    route = repaired(start);
+    route = repaired(start, observer);
     if (route.empty()) {
       route = searched(observer);
     }
@@ -176,6 +115,7 @@ std::variant<WarmRoute, flight::NoPlan> WarmPlanner::replan(const Waypoint& star
     result.route = std::get<flight::Route>(std::move(planned));
     result.is_cold = true;
     route_ = result.route.waypoints;
+    judge_field();
     return result;
   }
   route_ = route;
@@ -196,61 +136,62 @@ bool WarmPlanner::is_lawful(const std::vector<Waypoint>& route) const {
   return are_turns_allowed(envelope_, route);
 }
 
-bool WarmPlanner::lower(std::vector<Waypoint>& route) const {
-  std::vector<Waypoint> lowest = cheaper_profile(envelope_, route, kProfileStep_m, kCompareStep_m);
-  if (lowest.empty() || !is_lawful(lowest)) {
-    return false;
+void WarmPlanner::improve(std::vector<Waypoint>& route, const Waypoint& from,
+                          const Waypoint& to) const {
+  // The ends are waypoints of the route; profiles keep them.
+  const auto place_of = [&](const Waypoint& end) {
+    return std::find_if(route.begin(), route.end(), [&](const Waypoint& waypoint) {
+      return waypoint.x_m == end.x_m && waypoint.y_m == end.y_m;
+    });
+  };
+  const auto first = place_of(from);
+  const auto last = place_of(to);
+  if (first == route.end() || last == route.end() || last - first < 2) {
+    return;
   }
-  route = std::move(lowest);
-  return true;
-}
-
-void WarmPlanner::improve(std::vector<Waypoint>& route, Waypoint from, Waypoint to,
-                          std::int64_t& work_units) const {
+  const auto before = first == route.begin() ? std::nullopt : std::optional(first[-1]);
+  const auto after = last + 1 == route.end() ? std::nullopt : std::optional(last[1]);
+  std::vector<Waypoint> line(first, last + 1);
+  std::vector<geo::MapPoint> track;
+  double cost_m = envelope_.route_cost_m(line, kCompareStep_m);
   for (const Pass& pass : kPasses) {
     for (int repeat = 0; repeat < pass.repeats; ++repeat) {
-      // The ends are waypoints of every route on the way; profiles change their altitudes.
-      const auto place_of = [&](const Waypoint& end) {
-        return std::find_if(route.begin(), route.end(), [&](const Waypoint& waypoint) {
-          return waypoint.x_m == end.x_m && waypoint.y_m == end.y_m;
-        });
-      };
-      const auto first = place_of(from);
-      const auto last = place_of(to);
-      if (first == route.end() || last == route.end() || last - first < 1) {
-        return;
-      }
-      const std::vector<Waypoint> piece(first, last + 1);
-      std::vector<Waypoint> better = corridor_route(
-          envelope_, piece, pass.grid,
-          first == route.begin() ? std::nullopt : std::optional(first[-1]),
-          last + 1 == route.end() ? std::nullopt : std::optional(last[1]), work_units);
+      const std::vector<geo::MapPoint> better =
+          low_corridor_track(envelope_, line, pass.grid, before, after);
       if (better.empty()) {
-        // A corner is too sharp for equal stations.
-        const double before_m = envelope_.route_cost_m(route, kCostStep_m);
-        const double after_m =
-            sweep_corridor(envelope_, pass.grid, kNoLimit, work_units, route, before_m);
-        if (!(before_m - after_m > kGainMin * before_m)) {
-          break;
-        }
-        continue;
-      }
-      const double before_m = envelope_.route_cost_m(piece, kCompareStep_m);
-      const double after_m = envelope_.route_cost_m(better, kCompareStep_m);
-      std::vector<Waypoint> whole(route.begin(), first);
-      whole.insert(whole.end(), better.begin(), better.end());
-      whole.insert(whole.end(), last + 1, route.end());
-      if (!(after_m < before_m) || !are_turns_allowed(envelope_, whole)) {
         break;
       }
-      route = std::move(whole);
+      std::vector<Waypoint> low = lowest_line(envelope_, better, line.front().altitude_m,
+                                              line.back().altitude_m, kProfileStep_m);
+      const double before_m = cost_m;
+      const double after_m = low.empty() ? before_m : envelope_.route_cost_m(low, kCompareStep_m);
+      if (!(after_m < before_m)) {
+        break;
+      }
+      line = std::move(low);
+      track = better;
+      cost_m = after_m;
       if (!(before_m - after_m > kGainMin * before_m)) {
         break;
       }
     }
-    if (pass.is_lowered) {
-      lower(route);
-    }
+  }
+  if (track.empty()) {
+    return;
+  }
+  std::vector<geo::MapPoint> whole;
+  for (auto at = route.cbegin(); at != first; ++at) {
+    whole.push_back(at->point());
+  }
+  whole.insert(whole.end(), track.begin(), track.end());
+  for (auto at = last + 1; at != route.end(); ++at) {
+    whole.push_back(at->point());
+  }
+  std::vector<Waypoint> better = lowest_profile(envelope_, whole, kProfileStep_m);
+  if (!better.empty() && are_turns_allowed(envelope_, better) &&
+      envelope_.route_cost_m(better, kCompareStep_m) <
+          envelope_.route_cost_m(route, kCompareStep_m)) {
+    route = std::move(better);
   }
 }
 
@@ -263,141 +204,139 @@ std::vector<Waypoint> WarmPlanner::searched(const Observer& observer) const {
   if (route.empty()) {
     return {};
   }
-  // Its corners are as sharp as they may be, which takes many heights and pieces.
-  sweep_corridor(envelope_, kLatticeGrid, kNoLimit, work_units, route,
-                 envelope_.route_cost_m(route, kCostStep_m));
-  lower(route);
-  improve(route, route.front(), route.back(), work_units);
+  improve(route, Waypoint(route.front()), Waypoint(route.back()));
   return is_lawful(route) ? route : std::vector<Waypoint>{};
 }
 
-std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start) const {
-  const std::vector<geo::MapPoint> centres = field_.way_from(start.point());
-  if (centres.empty()) {
-    return {};
-  }
-  const Waypoint& goal = problem_.goal;
-  // As low as the climb limit lets one fly there, start and goal left aside.
-  std::vector<Waypoint> low = {start};
-  for (const geo::MapPoint& centre : centres) {
-    if (plan_distance_m(start.point(), centre) >= kWayStep_m &&
-        plan_distance_m(centre, goal.point()) >= kWayStep_m) {
-      low.push_back({centre.x_m, centre.y_m, envelope_.band_at(centre).low_m + kAboveFloor_m});
+std::vector<Waypoint> WarmPlanner::from_start(const RouteLine& old, double along_m) const {
+  const auto ahead = static_cast<std::size_t>(
+      std::upper_bound(old.along_m().begin(), old.along_m().end(), along_m + kOnRoute_m) -
+      old.along_m().begin());
+  // A corner soon after the start is left out where there is no room for its turn.
+  for (std::size_t first = ahead; first < old.points().size(); ++first) {
+    std::vector<Waypoint> line = {problem_.start};
+    line.insert(line.end(), old.points().begin() + static_cast<std::ptrdiff_t>(first),
+                old.points().end());
+    if (are_turns_allowed(envelope_, line)) {
+      return line;
+    }
+    if (old.along_m()[first] > along_m + kBlend_m) {
+      break;
     }
   }
-  low.push_back(goal);
-  const auto raise = [&](Waypoint& point, const Waypoint& beside, bool is_beside_ahead) {
-    const double way = is_beside_ahead ? 1.0 : -1.0;
-    const SlopeLimits::Tangents limit = envelope_.slopes().at(
-        beside.altitude_m, way * (beside.x_m - point.x_m), way * (beside.y_m - point.y_m));
-    const double tangent = kClimbShare * (is_beside_ahead ? limit.up : limit.down);
-    point.altitude_m =
-        std::max(point.altitude_m,
-                 beside.altitude_m - tangent * plan_distance_m(point.point(), beside.point()));
-  };
-  for (std::size_t i = 1; i + 1 < low.size(); ++i) {
-    raise(low[i], low[i - 1], false);
+  return {};
+}
+
+std::vector<Waypoint> WarmPlanner::around(const std::vector<Waypoint>& line, std::size_t leave,
+                                          std::size_t join, double aside_m,
+                                          const Observer& observer) const {
+  LatticePart part{line[leave], line[join], std::nullopt, std::nullopt, 0.0, aside_m};
+  if (leave > 0) {
+    part.lead_in = leg_between(line[leave - 1], line[leave]);
+    const double flown_m =
+        flight::length_m({line.begin(), line.begin() + static_cast<std::ptrdiff_t>(leave) + 1});
+    part.higher_m = std::min(kHigherMax_m, kHigherShare * flown_m);
   }
-  for (std::size_t i = low.size() - 2; i > 0; --i) {
-    raise(low[i], low[i + 1], true);
+  if (join + 1 < line.size()) {
+    part.lead_out = leg_between(line[join], line[join + 1]);
   }
-  std::vector<Waypoint> down = {start};
-  for (std::size_t i = 1; i + 1 < low.size(); ++i) {
-    if (plan_distance_m(down.back().point(), low[i].point()) >= kWayStep_m) {
-      down.push_back(low[i]);
-      Waypoint& last = down.back();
-      last.altitude_m = std::min(last.altitude_m, envelope_.band_at(last.point()).high_m);
+  const auto should_stop = [&observer] { return observer.stop_requested(); };
+  std::optional<CostField> backward;
+  for (const LatticeSpare& spare : kPartSpares) {
+    LatticeResult found = search_lattice(envelope_, options_, spare, part, kPartWork, should_stop,
+                                         part.is_backward ? *backward : field_);
+    if (found.track.empty() && !part.is_backward) {
+      part.is_backward = true;
+      backward.emplace(field_, part.from.point(), part.to.point());
+      found = search_lattice(envelope_, options_, spare, part, kPartWork, should_stop, *backward);
+    }
+    if (found.track.empty()) {
+      break;
+    }
+    std::vector<geo::MapPoint> track;
+    for (std::size_t i = 0; i < leave; ++i) {
+      track.push_back(line[i].point());
+    }
+    track.insert(track.end(), found.track.begin(), found.track.end());
+    for (std::size_t i = join + 1; i < line.size(); ++i) {
+      track.push_back(line[i].point());
+    }
+    if (std::vector<Waypoint> route = lowest_profile(envelope_, track, kProfileStep_m);
+        !route.empty() && are_turns_allowed(envelope_, route)) {
+      return route;
     }
   }
-  down.push_back(goal);
-  const Line way(down);
-  const Line old(route_);
-  const Line::Nearest now = old.nearest(start.point());
+  return {};
+}
+
+std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start, const Observer& observer) const {
+  const RouteLine old(route_);
+  const RouteLine::Nearest now = old.nearest(start.point());
   const bool is_on_route =
       now.distance_m <= kOnRoute_m &&
       std::fabs(old.at(now.along_m).altitude_m - start.altitude_m) <= kOnRoute_m;
-
-  // Where the old route is good: from the start up to `good_until_m`, and again from `good_from_m`.
-  const double length_m = old.length_m();
-  const auto is_good = [&](double along_m) {
-    const geo::MapPoint point = old.at(along_m).point();
-    return !is_changed(point) && way.nearest(point).distance_m <= kNear_m;
+  const std::optional<Detour> detour =
+      find_detour(envelope_, field_, old,
+                  {now.along_m, is_on_route, cost_per_field_,
+                   [&](const geo::MapPoint& point) { return is_changed(point); }});
+  std::vector<Waypoint> line = is_on_route ? from_start(old, now.along_m) : std::vector<Waypoint>{};
+  if (!detour) {
+    return is_lawful(line) ? line : std::vector<Waypoint>{};
+  }
+  if (line.empty()) {
+    line = {start};
+    append(line, old.part(std::min(now.along_m + kOnRoute_m, old.length_m()), old.length_m()));
+  }
+  const std::vector<Waypoint> stay = std::exchange(line, corners_of(line));
+  const RouteLine along(line);
+  const double behind_m = old.length_m() - along.length_m();  // of the old route, about
+  // Corners of the old route take the places of those between which a way is looked for.
+  const auto corner_until = [&](double along_m) {
+    std::size_t corner = 0;
+    while (corner + 2 < line.size() && is_on_route &&
+           along.along_m()[corner + 1] + behind_m <= along_m) {
+      ++corner;
+    }
+    return corner;
   };
-  double good_until_m = now.along_m;
-  if (is_on_route) {
-    while (good_until_m < length_m && is_good(std::min(good_until_m + kSample_m, length_m))) {
-      good_until_m = std::min(good_until_m + kSample_m, length_m);
+  const auto corner_from = [&](std::size_t after, double along_m) {
+    std::size_t corner = after + 1;
+    while (corner + 1 < line.size() && along.along_m()[corner] + behind_m < along_m) {
+      ++corner;
+    }
+    return corner;
+  };
+  std::size_t leave = 0;
+  std::size_t join = 0;
+  std::vector<Waypoint> route;
+  for (const Elsewhere& elsewhere : kElsewhere) {
+    // Where the way leads to the end, the last stretch of the old route is one that exists.
+    const double join_m = detour->join_m < old.length_m()
+                              ? detour->join_m + elsewhere.farther_m
+                              : detour->join_m - 2.0 * elsewhere.farther_m;
+    leave = corner_until(std::max(detour->leave_m - elsewhere.earlier_m, now.along_m));
+    join = corner_from(leave, join_m);
+    route = around(line, leave, join, kPartAside_m + detour->aside_m, observer);
+    if (!route.empty()) {
+      break;
     }
   }
-  double good_from_m = length_m;
-  while (good_from_m > good_until_m && is_good(std::max(good_from_m - kSample_m, good_until_m))) {
-    good_from_m = std::max(good_from_m - kSample_m, good_until_m);
-  }
-  std::vector<Waypoint> rest = old.part(now.along_m, length_m);
-  rest.front() = start;
-  const auto cost_m = [&](const std::vector<Waypoint>& line) {
-    return envelope_.route_cost_m(line, kCostStep_m);
-  };
-  const bool may_stay = is_on_route && is_lawful(rest);
-  if (may_stay && good_until_m >= length_m) {
-    return rest;
-  }
-
-  const double leave_m =
-      is_on_route && good_until_m - kBlend_m > now.along_m ? good_until_m - kBlend_m : now.along_m;
-  const double join_m = good_from_m + kBlend_m < length_m ? good_from_m + kBlend_m : length_m;
-  const bool keeps_head = leave_m > now.along_m;
-  const bool keeps_tail = join_m < length_m;
-  std::vector<Waypoint> head;
-  if (keeps_head) {
-    head = old.part(now.along_m, leave_m);
-    head.front() = start;
-  }
-  std::vector<Waypoint> tail;
-  if (keeps_tail) {
-    tail = old.part(join_m, length_m);
-  }
-  // The line that is moved: old route, way down the field, old route.
-  std::vector<Waypoint> line;
-  if (keeps_head) {
-    append(line, old.part(leave_m, good_until_m));
-  } else {
-    line.push_back(start);
-    if (is_on_route && good_until_m > now.along_m + kSample_m) {
-      append(line, old.part(now.along_m + kSample_m, good_until_m));
-    }
-  }
-  const double way_from_m = way.nearest(line.back().point()).along_m;
-  const Waypoint again = old.at(good_from_m);
-  const double way_to_m =
-      good_from_m < length_m ? way.nearest(again.point()).along_m : way.length_m();
-  if (way_to_m > way_from_m + 2.0 * kWayStep_m) {
-    append(line, way.part(way_from_m + kWayStep_m, way_to_m - kWayStep_m));
-  }
-  append(line, old.part(good_from_m, join_m));
-  if (line.size() < 2) {
-    line = {line.front(), keeps_tail ? tail.front() : goal};
-  }
-  const auto before = head.size() >= 2 ? std::optional(head[head.size() - 2]) : std::nullopt;
-  const auto after = tail.size() >= 2 ? std::optional(tail[1]) : std::nullopt;
-  const auto joined = [&](const std::vector<Waypoint>& piece) {
-    std::vector<Waypoint> whole = head;
-    append(whole, piece);
-    append(whole, tail);
-    return whole;
-  };
-  std::int64_t work_units = 0;
-  const std::vector<Waypoint> piece =
-      corridor_route(envelope_, line, kFirstGrid, before, after, work_units);
-  if (piece.empty()) {
+  if (route.empty()) {
     return {};
   }
-  std::vector<Waypoint> route = joined(piece);
-  if (!is_lawful(route)) {
-    return {};
+  std::size_t from = leave;
+  while (from > 0 && along.along_m()[from] > along.along_m()[leave] - kBlend_m) {
+    --from;
   }
-  improve(route, piece.front(), piece.back(), work_units);
-  return may_stay && cost_m(rest) <= cost_m(route) ? rest : route;
+  std::size_t to = join;
+  while (to + 1 < line.size() && along.along_m()[to] < along.along_m()[join] + kBlend_m) {
+    ++to;
+  }
+  improve(route, line[from], line[to]);
+  const auto cost_m = [&](const std::vector<Waypoint>& whole) {
+    return envelope_.route_cost_m(whole, kCompareStep_m);
+  };
+  return is_on_route && cost_m(stay) <= cost_m(route) && is_lawful(stay) ? stay : route;
 }
 
 }  // namespace hedgehop::global_planning

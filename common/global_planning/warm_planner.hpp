@@ -9,6 +9,7 @@
 #include "global_planning/cost_field.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/global_planner.hpp"
+#include "global_planning/route_line.hpp"
 #include "raster/grid.hpp"
 #include "raster/window.hpp"
 #include "risk/cost_model.hpp"
@@ -27,17 +28,16 @@ struct WarmRoute {
 /// (CostField::repair), and so is the route.
 ///
 /// Blocks of the field are twice as large as those that lead plan_leg(): it only shows the way.
-/// The way down the repaired field tells where the old route is still good: where neither a change
-/// nor that way leads away from it. What lies between such stretches is replaced by a line along
-/// the way, and that line, with some of the old route before and after it, is moved inside a
-/// corridor from coarse to fine, as refine() does with whole routes; then the whole ground track is
-/// flown at its lowest_profile(). Turns where old and new meet are looked at like all others. If
-/// the start lies on the old route and that is still the cheaper one, it stays. Where no corridor
-/// holds a route, the lattice is searched with the repaired field ahead, and that route is moved;
-/// where that too finds nothing, plan_leg() plans anew.
+/// find_detour() tells from the repaired field where a better way leaves the old route and where it
+/// joins it again; the lattice is searched between these two places alone, forward and, where that
+/// finds nothing, backward. What is found, with some of the old route before and after it, is moved
+/// sideways by low_corridor_track() from coarse to fine; then the whole ground track is flown at
+/// its lowest_profile(). Turns where old and new meet are looked at like all others. If the start
+/// lies on the old route and that is still the cheaper one, it stays. Where no part is found, the
+/// lattice is searched from the start to the goal with the repaired field ahead; where that too
+/// finds nothing, plan_leg() plans anew.
 ///
-/// Deterministic; the same for any number of threads. For 20 km of gentle ground a sixth of the
-/// time of plan_leg(), most of which goes into moving the route of a lattice.
+/// Deterministic; the same for any number of threads.
 class WarmPlanner {
  public:
   /// `route` leads from the start to the goal of `problem` and is what plan_leg() or the like found
@@ -55,14 +55,23 @@ class WarmPlanner {
   [[nodiscard]] const CostField& field() const { return field_; }
 
  private:
-  [[nodiscard]] std::vector<flight::Waypoint> repaired(const flight::Waypoint& start) const;
+  [[nodiscard]] std::vector<flight::Waypoint> repaired(const flight::Waypoint& start,
+                                                       const Observer& observer) const;
+  // The rest of the old route from here on, but for corners that are too near to turn at.
+  [[nodiscard]] std::vector<flight::Waypoint> from_start(const RouteLine& old,
+                                                         double along_m) const;
+  // A line from start to goal, that between two of its waypoints replaced by a part of a lattice.
+  [[nodiscard]] std::vector<flight::Waypoint> around(const std::vector<flight::Waypoint>& line,
+                                                     std::size_t leave, std::size_t join,
+                                                     double aside_m,
+                                                     const Observer& observer) const;
   [[nodiscard]] std::vector<flight::Waypoint> searched(const Observer& observer) const;
   [[nodiscard]] bool is_lawful(const std::vector<flight::Waypoint>& route) const;
-  // The same ground track as low as it may be flown, if that is cheaper.
-  bool lower(std::vector<flight::Waypoint>& route) const;
   // Moves what lies between two waypoints of a route sideways and flies all of it low.
-  void improve(std::vector<flight::Waypoint>& route, flight::Waypoint from, flight::Waypoint to,
-               std::int64_t& work_units) const;
+  void improve(std::vector<flight::Waypoint>& route, const flight::Waypoint& from,
+               const flight::Waypoint& to) const;
+  // What routes cost for a metre of the field.
+  void judge_field();
   [[nodiscard]] bool is_changed(const geo::MapPoint& point) const;
 
   GlobalOptions options_;
@@ -71,6 +80,7 @@ class WarmPlanner {
   CostField field_;
   std::vector<flight::Waypoint> route_;
   std::vector<raster::Window> changes_;  // since the last plan
+  double cost_per_field_ = 1.0;
   std::size_t blocks_renewed_ = 0;
 };
 

@@ -210,6 +210,37 @@ TEST(FlightEnvelope, LegCostIsTheIntegralOfEquationOne) {
   EXPECT_GT(compared, 100);
 }
 
+TEST(FlightEnvelope, LegsBetweenTwoPlacesCostTogetherWhatEachDoesAlone) {
+  const std::uint64_t seed = test::fresh_seed();
+  const PlanningCase in(test::make_fractal_map(seed, 100, 30.0, 900.0, 120.0), kWeights);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> place(400.0, 2600.0);
+  std::uniform_real_distribution<double> height(15.0, 160.0);
+  const FlightEnvelope envelope(in.costs, shipped_global_options(), in.above(600.0, 600.0),
+                                in.above(2400.0, 2400.0));
+  int finite = 0;
+  std::vector<double> costs_m;
+  for (int i = 0; i < 200; ++i) {
+    const geo::MapPoint a{place(random), place(random)};
+    const geo::MapPoint b{place(random), place(random)};
+    std::vector<double> from_m;
+    std::vector<double> to_m;
+    for (int k = 0; k < 4; ++k) {
+      from_m.push_back(in.above(a.x_m, a.y_m, height(random)).altitude_m);
+      to_m.push_back(in.above(b.x_m, b.y_m, height(random)).altitude_m);
+    }
+    envelope.leg_costs_m(a, from_m, b, to_m, costs_m);
+    ASSERT_EQ(costs_m.size(), 16U);
+    for (std::size_t k = 0; k < 16; ++k) {
+      const double alone_m =
+          envelope.leg_cost_m({a.x_m, a.y_m, from_m[k / 4]}, {b.x_m, b.y_m, to_m[k % 4]});
+      EXPECT_EQ(costs_m[k], alone_m) << seed;
+      finite += alone_m < kInfinity ? 1 : 0;
+    }
+  }
+  EXPECT_GT(finite, 50) << seed;
+}
+
 TEST(FlightEnvelope, AClearLegIsClearAtEveryTwentyCentimetresAndAFailingOneIsNot) {
   const std::uint64_t seed = test::fresh_seed();
   const PlanningCase in(test::make_fractal_map(seed, 150, 30.0, 2000.0, 500.0), kWeights);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <gtest/gtest.h>
+#include <oneapi/tbb/global_control.h>
 #include <random>
 
 #include "global_planning/cost_field.hpp"
@@ -229,6 +230,32 @@ TEST_F(WarmPlannerOnHills, AThreatOnTheRouteIsFlownAroundFromWhereTheAircraftIs)
       plan_leg(in_.costs, options_, {start, problem_.goal, 1, options_.work_budget}, {}, observer_);
   ASSERT_TRUE(std::holds_alternative<flight::Route>(cold));
   EXPECT_LE(warm.route.cost.total_m(), 1.05 * std::get<flight::Route>(cold).cost.total_m());
+}
+
+TEST_F(WarmPlannerOnHills, AroundANearThreatTheRouteIsAsGoodAsAColdOneForAnyNumberOfThreads) {
+  const Waypoint start = on_route(0.05);
+  const geo::MapPoint threat = on_route(0.35).point();
+  const raster::Window changed = in_.costs.visibility_changed(in_.set_disc(threat, 900.0, 0.9));
+  std::vector<std::vector<Waypoint>> routes;
+  for (const std::size_t threads : {1U, 2U}) {
+    const oneapi::tbb::global_control limit(oneapi::tbb::global_control::max_allowed_parallelism,
+                                            threads);
+    in_.set_disc(threat, 900.0, 0.1);
+    in_.costs.visibility_changed(changed);
+    WarmPlanner planner(in_.costs, options_, problem_, route_);
+    in_.set_disc(threat, 900.0, 0.9);
+    planner.costs_changed(in_.costs.visibility_changed(changed));
+    const auto found = planner.replan(start, observer_);
+    ASSERT_TRUE(std::holds_alternative<WarmRoute>(found));
+    EXPECT_FALSE(std::get<WarmRoute>(found).is_cold);
+    routes.push_back(std::get<WarmRoute>(found).route.waypoints);
+  }
+  EXPECT_EQ(routes[0], routes[1]);
+  const auto cold =
+      plan_leg(in_.costs, options_, {start, problem_.goal, 1, options_.work_budget}, {}, observer_);
+  ASSERT_TRUE(std::holds_alternative<flight::Route>(cold));
+  EXPECT_LE(in_.costs.route_cost(routes[0], 1.0).total_m(),
+            1.05 * std::get<flight::Route>(cold).cost.total_m());
 }
 
 TEST_F(WarmPlannerOnHills, WithoutAChangeTheRestOfTheRouteStaysAsItIs) {
