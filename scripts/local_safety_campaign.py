@@ -16,7 +16,7 @@ def arguments():
     parser.add_argument("--program", required=True)
     parser.add_argument("--flights", type=int, default=1000)
     parser.add_argument("--block", type=int, default=50)
-    parser.add_argument("--planner", default="rollout")
+    parser.add_argument("--planner", action="append")
     parser.add_argument("--seconds", type=float, default=math.inf)
     parser.add_argument("--routes")
     parser.add_argument("--json")
@@ -24,12 +24,15 @@ def arguments():
     asked = parser.parse_args()
     if asked.flights < 1 or asked.block < 1:
         parser.error("--flights and --block must be positive")
+    asked.planner = asked.planner or ["rollout", "tvfh"]
     return asked
 
 
 def rows_of(asked, map_folder, flights, seed):
     command = [asked.program, "evaluate", "local-safety", "--map", map_folder, "--flights", str(flights), "--seed", str(seed),
-               "--planner", asked.planner, "--json", "--quiet"]
+               "--json", "--quiet"]
+    for planner in asked.planner:
+        command += ["--planner", planner]
     if asked.routes:
         command += ["--routes", asked.routes]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
@@ -69,7 +72,7 @@ def main():
         print(f"map {map_folder}, seed {seed}, {flights} flights", flush=True)
         rows = rows_of(asked, map_folder, flights, seed)
         for row in rows:
-            name = asked.planner + (" with towers" if row["towers"] else " without towers")
+            name = row["planner"] + (" with towers" if row["towers"] else " without towers")
             add(totals.setdefault(name, {}), row)
             if row["unsafe_problems"]:
                 print(f"  {name}: problems {row['unsafe_problems']} did not reach the goal or came too near", flush=True)

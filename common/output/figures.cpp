@@ -835,10 +835,10 @@ void add_profiles(Script& script, const Scene& scene, const Box& area) {
   const double low_deg = scene.headings.low_deg - 8.0;
   const double high_deg = std::max(scene.headings.high_deg + 8.0, low_deg + 60.0);
   script.add(text_of("set yrange [%.2f:%.2f]\nset ytics ", low_deg, high_deg) +
-             heading_tics(low_deg, high_deg) + "\nset ylabel 'heading [°]' offset 0.6,0\n");
+             heading_tics(low_deg, high_deg) + "\nunset ylabel\n");  // the marks need its room
   script.add(
-      "plot 'heading.dat' using 1:3 with lines lw 1.1 lc rgb '#e08e36' title 'target heading', "
-      "\\\n  'heading.dat' using 1:2 with lines ls 4 title 'heading, from true north'\n");
+      "plot 'heading.dat' using 1:3 with lines lw 1.1 lc rgb '#e08e36' title 'target heading [°]', "
+      "\\\n  'heading.dat' using 1:2 with lines ls 4 title 'heading [°], from true north'\n");
   script.add("unset grid\nset ytics auto\n");
 }
 
