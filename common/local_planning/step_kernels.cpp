@@ -712,9 +712,14 @@ void forecast_kernel(ForecastTask& task, FlightScratch& scratch) {
     hn::StoreU(cosine, tag, forward + i);
     hn::StoreU(sine, tag, leftward + i);
   }
-  for (int i = 1; i < padded; ++i) {
-    forward[i] += forward[i - 1];
-    leftward[i] += leftward[i - 1];
+  float forward_sum =
+      0.0F;  // in registers: read back from the arrays, each sum waits for its store
+  float leftward_sum = 0.0F;
+  for (int i = 0; i < padded; ++i) {
+    forward_sum += forward[i];
+    leftward_sum += leftward[i];
+    forward[i] = forward_sum;
+    leftward[i] = leftward_sum;
   }
   for (int i = 0; i < padded; i += lanes) {
     const Floats x = hn::LoadU(tag, forward + i);
@@ -745,8 +750,8 @@ void forecast_kernel(ForecastTask& task, FlightScratch& scratch) {
 }
 
 // Flies some vectors of candidates and fetches the ground at all samples. kInside: no path leaves
-// the raster. Loading one by one is faster than gathering.
-template <int kVectors, bool kInside>
+// the raster; kCalm: there is no drift. Loading one by one is faster than gathering.
+template <int kVectors, bool kInside, bool kCalm>
 HWY_INLINE void fly_paths(const RolloutTask& task, int first, const float* HWY_RESTRICT bend,
                           std::int32_t* HWY_RESTRICT cells, std::uint32_t* HWY_RESTRICT words) {
   const FloatTag tag;
@@ -814,8 +819,12 @@ HWY_INLINE void fly_paths(const RolloutTask& task, int first, const float* HWY_R
       const Floats turned_east = hn::Sub(hn::Mul(east[v], cosine), hn::Mul(north[v], sine));
       north[v] = hn::Add(hn::Mul(east[v], sine), hn::Mul(north[v], cosine));
       east[v] = turned_east;
-      x[v] = hn::Add(hn::Add(x[v], east[v]), drift_east);
-      y[v] = hn::Add(hn::Add(y[v], north[v]), drift_north);
+      x[v] = hn::Add(x[v], east[v]);
+      y[v] = hn::Add(y[v], north[v]);
+      if constexpr (!kCalm) {
+        x[v] = hn::Add(x[v], drift_east);
+        y[v] = hn::Add(y[v], drift_north);
+      }
       auto column = whole_below(x[v]);
       auto row = whole_below(y[v]);
       if constexpr (!kInside) {
@@ -930,12 +939,15 @@ void rollout_kernel(RolloutTask& task, FlightScratch& scratch) {
   const auto reach = static_cast<int>(std::min(reach_cells, 1e6F));
   const bool is_inside = path.column >= reach && path.row >= reach &&
                          path.column + reach < path.columns && path.row + reach < path.rows;
+  const bool is_calm = path.drift_east_cells == 0.0F && path.drift_north_cells == 0.0F;
   std::int32_t* HWY_RESTRICT cells = with_room(scratch.cells, kCandidates * padded);
   for (int first = 0; first < kCandidates; first += kVectors * lanes) {
-    if (is_inside) {
-      fly_paths<kVectors, true>(task, first, bend, cells, words);
+    if (is_inside && is_calm) {
+      fly_paths<kVectors, true, true>(task, first, bend, cells, words);
+    } else if (is_inside) {
+      fly_paths<kVectors, true, false>(task, first, bend, cells, words);
     } else {
-      fly_paths<kVectors, false>(task, first, bend, cells, words);
+      fly_paths<kVectors, false, false>(task, first, bend, cells, words);
     }
   }
   for (int i = 0; i < end; ++i) {
