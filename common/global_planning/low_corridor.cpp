@@ -19,6 +19,7 @@ constexpr double kStep_m = 15.0;
 constexpr double kMargin_m = 1.0;
 constexpr double kClimbShare = 0.98;
 constexpr double kEndTolerance_m = 1.5;
+constexpr double kSame_m = 1e-6;
 
 // The cheapest arrival at a place from a place of the station before.
 struct Arrival {
@@ -77,13 +78,11 @@ class LowCorridor {
       }
     }
     for (std::size_t i = 1; i < last; ++i) {
-      for (int c0 = 0; c0 < kColumns; ++c0) {
-        for (int c1 = 0; c1 < kColumns; ++c1) {
-          const Arrival here = arrival(i, c0, c1);
-          for (int c2 = 0; here.cost_m < kInfinity && c2 < kColumns; ++c2) {
-            if (is_end_column(i + 1, c2) && may_turn(place(i - 1, c0), i, c1, c2)) {
-              advance(i, here, c1, c2, c0);
-            }
+      for (int c1 = 0; c1 < kColumns; ++c1) {
+        const std::vector<From> cheapest_first = arrivals_at(i, c1);
+        for (int c2 = 0; c2 < kColumns; ++c2) {
+          if (is_end_column(i + 1, c2)) {
+            advance_all(i, cheapest_first, c1, c2);
           }
         }
       }
@@ -122,10 +121,51 @@ class LowCorridor {
     return is_turn_allowed(from, place(station, column), place(station + 1, next));
   }
 
-  void advance(std::size_t station, const Arrival& here, int column, int next, int before) {
+  // An arrival, and the column that it came from.
+  struct From {
+    Arrival arrival;
+    int column;
+  };
+
+  [[nodiscard]] std::vector<From> arrivals_at(std::size_t station, int column) {
+    std::vector<From> found;
+    for (int before = 0; before < kColumns; ++before) {
+      if (const Arrival& here = arrival(station, before, column); here.cost_m < kInfinity) {
+        found.push_back({here, before});
+      }
+    }
+    std::stable_sort(found.begin(), found.end(), [](const From& a, const From& b) {
+      return a.arrival.cost_m < b.arrival.cost_m;
+    });
+    return found;
+  }
+
+  // Mostly the ground decides how low the flight may be, wherever it comes from, and the cheapest
+  // arrival goes on the most cheaply.
+  void advance_all(std::size_t station, const std::vector<From>& cheapest_first, int column,
+                   int next) {
+    const bool is_by_lowest = envelope_.slopes().is_symmetric();
+    std::array<const Arrival*, kColumns> gone_on{};
+    std::size_t count = 0;
+    for (const From& from : cheapest_first) {
+      const bool is_dearer =
+          is_by_lowest &&
+          std::any_of(gone_on.begin(), gone_on.begin() + count, [&](const Arrival* other) {
+            return std::fabs(other->altitudes.low_m - from.arrival.altitudes.low_m) <= kSame_m &&
+                   std::fabs(other->owed_m - from.arrival.owed_m) <= kSame_m;
+          });
+      if (!is_dearer && may_turn(place(station - 1, from.column), station, column, next) &&
+          advance(station, from.arrival, column, next, from.column)) {
+        gone_on[count++] = &from.arrival;
+      }
+    }
+  }
+
+  // Whether the leg can be flown.
+  bool advance(std::size_t station, const Arrival& here, int column, int next, int before) {
     Arrival& there = arrival(station + 1, column, next);
     if (!(here.cost_m < there.cost_m)) {
-      return;
+      return false;
     }
     const FlightEnvelope::Arrival found =
         envelope_.follow(place(station, column), place(station + 1, next), here.altitudes,
@@ -134,6 +174,7 @@ class LowCorridor {
       there = {here.cost_m + found.cost_m, found.altitudes, found.owed_m,
                static_cast<std::int8_t>(before)};
     }
+    return found.altitudes.is_flyable();
   }
 
   std::vector<geo::MapPoint> track_to_end(int before_last) {

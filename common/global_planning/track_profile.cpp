@@ -135,6 +135,63 @@ std::vector<double> lowest_over(const FlightEnvelope& envelope, const std::vecto
   return altitude_m;
 }
 
+// Between two samples the ground rises above the line that joins them.
+struct Shortfall {
+  std::size_t before;  // the first of them
+  double short_m;
+};
+
+// The track between two of its corners: legs end at each of them, so it is flown by itself.
+struct Section {
+  std::size_t first, last;             // samples
+  std::vector<double> altitudes_m;     // with which it was flown
+  std::vector<flight::Waypoint> ends;  // of its legs
+  std::vector<Shortfall> shortfalls;
+};
+
+// Anew only if its altitudes are other ones.
+void fly_section(const FlightEnvelope& envelope, const std::vector<Sample>& samples,
+                 const std::vector<double>& altitude_m, Section& section) {
+  const auto from = altitude_m.begin() + static_cast<std::ptrdiff_t>(section.first);
+  const auto until = altitude_m.begin() + static_cast<std::ptrdiff_t>(section.last) + 1;
+  if (std::equal(from, until, section.altitudes_m.begin(), section.altitudes_m.end())) {
+    return;
+  }
+  section.altitudes_m.assign(from, until);
+  section.ends.clear();
+  section.shortfalls.clear();
+  const auto waypoint = [&](std::size_t i) {
+    return flight::Waypoint{samples[i].point.x_m, samples[i].point.y_m, altitude_m[i]};
+  };
+  const auto is_low = [&](std::size_t i, std::size_t j) {
+    const double slope =
+        (altitude_m[j] - altitude_m[i]) / (samples[j].along_m - samples[i].along_m);
+    for (std::size_t k = i + 1; k < j; ++k) {
+      const double here_m = altitude_m[i] + slope * (samples[k].along_m - samples[i].along_m);
+      if (here_m > altitude_m[k] + kBendTolerance_m) {
+        return false;
+      }
+    }
+    return true;
+  };
+  for (std::size_t i = section.first; i < section.last;) {
+    std::size_t best = i;
+    for (std::size_t j = i + 1; j <= section.last; ++j) {
+      if (is_low(i, j) && envelope.is_clear(waypoint(i), waypoint(j))) {
+        best = j;
+      } else if (j > best + 8) {
+        break;  // farther ones seldom pass again
+      }
+    }
+    if (best == i) {
+      best = i + 1;
+      section.shortfalls.push_back({i, shortfall_m(envelope, waypoint(i), waypoint(best))});
+    }
+    section.ends.push_back(waypoint(best));
+    i = best;
+  }
+}
+
 }  // namespace
 
 std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
@@ -151,57 +208,39 @@ std::vector<flight::Waypoint> lowest_profile(const FlightEnvelope& envelope,
   if (!take_spare(envelope, samples)) {
     return {};
   }
-  const std::size_t last = samples.size() - 1;
+  std::vector<Section> sections;
+  for (std::size_t first = 0; first + 1 < samples.size();) {
+    std::size_t last = first + 1;
+    while (!samples[last].is_corner) {
+      ++last;
+    }
+    sections.push_back({first, last, {}, {}, {}});
+    first = last;
+  }
   for (int attempt = 0; attempt < kTriesMax; ++attempt) {
     const std::vector<double> altitude_m = lowest_over(envelope, samples, start_m, goal_m);
     if (altitude_m.empty()) {
       return {};
     }
-    const auto waypoint = [&](std::size_t i) {
-      return flight::Waypoint{samples[i].point.x_m, samples[i].point.y_m, altitude_m[i]};
-    };
-    const auto is_low = [&](std::size_t i, std::size_t j) {
-      const double slope =
-          (altitude_m[j] - altitude_m[i]) / (samples[j].along_m - samples[i].along_m);
-      for (std::size_t k = i + 1; k < j; ++k) {
-        const double here_m = altitude_m[i] + slope * (samples[k].along_m - samples[i].along_m);
-        if (here_m > altitude_m[k] + kBendTolerance_m) {
-          return false;
-        }
-      }
-      return true;
-    };
-    std::vector<flight::Waypoint> result = {waypoint(0)};
-    std::vector<std::size_t> raised;  // ascending; twice where both sides ask for it
     std::vector<double> need_m(samples.size(), 0.0);
-    for (std::size_t i = 0; i < last;) {
-      std::size_t best = i;
-      for (std::size_t j = i + 1; j <= last; ++j) {
-        if (is_low(i, j) && envelope.is_climb_allowed(waypoint(i), waypoint(j)) &&
-            envelope.is_clear(waypoint(i), waypoint(j))) {
-          best = j;
-        } else if (j > best + 8) {
-          break;  // farther ones seldom pass again
-        }
-        if (samples[j].is_corner) {
-          break;
-        }
-      }
-      if (best == i) {
-        // Between these two the ground rises above the line that joins them.
-        const double short_m = shortfall_m(envelope, waypoint(i), waypoint(i + 1));
-        for (const std::size_t k : {i, i + 1}) {
-          if (k > 0 && k < last) {
+    std::vector<std::size_t> raised;  // ascending; twice where both sides ask for it
+    for (Section& section : sections) {
+      fly_section(envelope, samples, altitude_m, section);
+      for (const Shortfall& shortfall : section.shortfalls) {
+        for (const std::size_t k : {shortfall.before, shortfall.before + 1}) {
+          if (k > 0 && k + 1 < samples.size()) {
             raised.push_back(k);
-            need_m[k] = std::max(need_m[k], short_m);
+            need_m[k] = std::max(need_m[k], shortfall.short_m);
           }
         }
-        best = i + 1;
       }
-      result.push_back(waypoint(best));
-      i = best;
     }
     if (raised.empty()) {
+      std::vector<flight::Waypoint> result = {
+          {samples.front().point.x_m, samples.front().point.y_m, altitude_m.front()}};
+      for (const Section& section : sections) {
+        result.insert(result.end(), section.ends.begin(), section.ends.end());
+      }
       return result;
     }
     raised.erase(std::unique(raised.begin(), raised.end()), raised.end());
