@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -51,6 +52,56 @@ constexpr int kFrame = 2;
 constexpr float kBeyond = 1.25F;
 constexpr float kBeyondBlocks = 30.0F;  // at the least cost of a metre
 constexpr float kFormRounding = 1e-4F;
+
+// The cheapest entry first, if none is ever pushed that is cheaper than the last one popped:
+// entries wait in buckets by the highest bit in which their cost differs from that one's (R. K.
+// Ahuja, K. Mehlhorn, J. B. Orlin and R. E. Tarjan, J. ACM 37(2), 1990, doi:10.1145/77600.77615).
+// Costs are not negative, so their bits are ordered as they are.
+template <typename Entry>
+class MonotoneQueue {
+ public:
+  void push(const Entry& entry) {
+    buckets_[bucket_of(entry)].push_back(entry);
+    ++count_;
+  }
+  [[nodiscard]] bool is_empty() const { return count_ == 0; }
+  Entry pop() {
+    if (buckets_[0].empty()) {
+      refill();
+    }
+    const Entry entry = buckets_[0].back();
+    buckets_[0].pop_back();
+    --count_;
+    return entry;
+  }
+
+ private:
+  [[nodiscard]] std::size_t bucket_of(const Entry& entry) const {
+    return static_cast<std::size_t>(
+        std::bit_width(std::bit_cast<std::uint32_t>(entry.cost_m) ^ last_));
+  }
+  // The cheapest entries become those of the first bucket.
+  void refill() {
+    std::size_t first = 1;
+    while (buckets_[first].empty()) {
+      ++first;
+    }
+    moved_.swap(buckets_[first]);
+    last_ = std::bit_cast<std::uint32_t>(
+        std::min_element(moved_.begin(), moved_.end(), [](const Entry& a, const Entry& b) {
+          return a.cost_m < b.cost_m;
+        })->cost_m);
+    for (const Entry& entry : moved_) {
+      buckets_[bucket_of(entry)].push_back(entry);
+    }
+    moved_.clear();
+  }
+
+  std::array<std::vector<Entry>, 33> buckets_;
+  std::vector<Entry> moved_;
+  std::uint32_t last_ = 0;
+  std::size_t count_ = 0;
+};
 
 }  // namespace
 
@@ -159,7 +210,7 @@ void CostField::begin_at(const geo::MapPoint& target) {
   if (has_target_) {
     target_ = framed(first.column, first.row);
     cost_m_[target_] = 0.0F;
-    queue_.push_back({0.0F, target_});
+    open_.push_back({0.0F, target_});
     if (density_[target_] == kInfinity) {
       density_[target_] = 1.0F;  // the funnel around an end may reach where the floor does not
     }
@@ -289,22 +340,19 @@ float CostField::step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) 
   return (densities + slopes) * half_m;
 }
 
-void CostField::push(float cost_m, std::uint32_t block) {
-  queue_.push_back({cost_m, block});
-  std::push_heap(queue_.begin(), queue_.end(), kIsLater);
-}
-
 void CostField::spread(std::uint32_t last) {
+  MonotoneQueue<Entry> queue;
+  for (const Entry& entry : open_) {
+    queue.push(entry);
+  }
+  open_.clear();
   float limit_m = kInfinity;
-  while (!queue_.empty()) {
-    std::pop_heap(queue_.begin(), queue_.end(), kIsLater);
-    const Entry entry = queue_.back();
-    queue_.pop_back();
+  while (!queue.is_empty()) {
+    const Entry entry = queue.pop();
     if (entry.cost_m > cost_m_[entry.block]) {
       continue;
     }
     if (entry.cost_m > limit_m) {
-      queue_.clear();
       return;
     }
     if (entry.block == last) {
@@ -313,10 +361,13 @@ void CostField::spread(std::uint32_t last) {
     for (std::size_t k = 0; k < kNeighbours.size(); ++k) {
       const auto to =
           static_cast<std::uint32_t>(static_cast<std::ptrdiff_t>(entry.block) + jump_[k]);
+      if (!(entry.cost_m < cost_m_[to])) {
+        continue;
+      }
       const float cost_m = entry.cost_m + step_cost(entry.block, to, k);
       if (cost_m < cost_m_[to]) {
         cost_m_[to] = cost_m;
-        push(cost_m, to);
+        queue.push({cost_m, to});
       }
     }
   }
@@ -396,7 +447,7 @@ std::size_t CostField::repair(const FlightEnvelope& envelope, const raster::Wind
     }
     if (best_m < cost_m_[block]) {
       cost_m_[block] = best_m;
-      push(best_m, block);
+      open_.push_back({best_m, block});
       made_cheaper += counts ? 1 : 0;
     }
   };

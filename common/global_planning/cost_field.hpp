@@ -72,8 +72,7 @@ class CostField {
                                                 int row) const;
   void take_climbs(const FlightEnvelope& envelope);
   [[nodiscard]] float step_cost(std::uint32_t from, std::uint32_t to, std::size_t k) const;
-  void push(float cost_m, std::uint32_t block);
-  // Dijkstra's method from what is in the queue; ends somewhat beyond the block `last`.
+  // Dijkstra's method from what is open; ends somewhat beyond the block `last`.
   void spread(std::uint32_t last = kNoBlock);
 
   raster::GridGeometry blocks_;
@@ -88,7 +87,7 @@ class CostField {
   std::vector<std::array<float, 3>> slope_;
   std::vector<float> cost_m_;  // not yet divided by the metrication
   std::vector<std::ptrdiff_t> jump_;
-  std::vector<Entry> queue_;
+  std::vector<Entry> open_;  // empty but while the field is made
 };
 
 }  // namespace hedgehop::global_planning

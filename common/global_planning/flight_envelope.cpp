@@ -17,22 +17,15 @@ constexpr float kNaNFloat = std::numeric_limits<float>::quiet_NaN();
 constexpr double kHeightTolerance_m = 1e-6;
 constexpr double kHigher_m = 10.0;  // over which the cost of a metre of height is taken
 
-// Greatest of the values within `half_width` columns of each column; NaN wins, outside counts as
-// NaN.
-void running_maximum(const float* row, int columns, int half_width, std::vector<float>& result) {
-  for (int column = 0; column < columns; ++column) {
-    float greatest = -std::numeric_limits<float>::infinity();
-    if (column < half_width || column + half_width >= columns) {
-      greatest = kNaNFloat;
-    } else {
-      for (int k = column - half_width; k <= column + half_width; ++k) {
-        greatest = row[k] > greatest || std::isnan(row[k]) ? row[k] : greatest;
-        if (std::isnan(greatest)) {
-          break;
-        }
-      }
+constexpr int kLanes = 16;
+
+// Makes each of `count` numbers at least the other one; a multiple of kLanes, which lets the
+// compiler use SIMD.
+void raise_to(float* __restrict values, const float* __restrict others, int count) {
+  for (int from = 0; from < count; from += kLanes) {
+    for (int k = from; k < from + kLanes; ++k) {
+      values[k] = values[k] > others[k] ? values[k] : others[k];
     }
-    result[static_cast<std::size_t>(column)] = greatest;
   }
 }
 
@@ -57,33 +50,45 @@ raster::Grid<float> dilated_surface(const raster::Grid<float>& surface_m, double
     }
     half_widths.push_back(bx);
   }
-  raster::Grid<float> result(geometry, -std::numeric_limits<float>::infinity());
-  std::vector<float> maximum(static_cast<std::size_t>(geometry.columns));
   const int reach = static_cast<int>(half_widths.size()) - 1;
-  for (int by = 0; by <= reach; ++by) {
-    const int half_width = half_widths[static_cast<std::size_t>(by)];
-    for (int row = 0; row < geometry.rows; ++row) {
-      running_maximum(surface_m.row(row), geometry.columns, half_width, maximum);
-      for (const int target : {row - by, row + by}) {
-        if (target < 0 || target >= geometry.rows) {
-          continue;
-        }
-        float* out = result.row(target);
-        for (int column = 0; column < geometry.columns; ++column) {
-          const float value = maximum[static_cast<std::size_t>(column)];
-          if (value > out[column] || std::isnan(value)) {
-            out[column] = value;
-          }
-        }
+  const int widest = half_widths.front();
+  // Unknown cells and those outside count as infinitely high until the end.
+  constexpr float kUnknown = std::numeric_limits<float>::infinity();
+  const int wide = (geometry.columns + kLanes - 1) / kLanes * kLanes;
+  const auto row_of = [&](std::vector<float>& values, int row) {
+    return values.data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(wide);
+  };
+  std::vector<float> result(
+      static_cast<std::size_t>(wide) * static_cast<std::size_t>(geometry.rows), -kUnknown);
+  std::vector<float> padded(static_cast<std::size_t>(wide + 2 * widest), kUnknown);
+  std::vector<float> greatest(static_cast<std::size_t>(wide));
+  float* const middle = padded.data() + widest;
+  for (int row = 0; row < geometry.rows; ++row) {
+    std::transform(surface_m.row(row), surface_m.row(row) + geometry.columns, middle,
+                   [](float value) { return std::isnan(value) ? kUnknown : value; });
+    std::copy_n(middle, wide, greatest.begin());
+    int half_width = 0;
+    for (int by = reach; by >= 0; --by) {
+      while (half_width < half_widths[static_cast<std::size_t>(by)]) {
+        ++half_width;
+        raise_to(greatest.data(), middle - half_width, wide);
+        raise_to(greatest.data(), middle + half_width, wide);
+      }
+      if (row - by >= 0) {
+        raise_to(row_of(result, row - by), greatest.data(), wide);
+      }
+      if (by > 0 && row + by < geometry.rows) {
+        raise_to(row_of(result, row + by), greatest.data(), wide);
       }
     }
   }
-  for (int row = 0; row < geometry.rows; ++row) {
-    if (row < reach || row + reach >= geometry.rows) {
-      std::fill_n(result.row(row), geometry.columns, kNaNFloat);
-    }
+  raster::Grid<float> dilated(geometry, kNaNFloat);
+  for (int row = reach; row + reach < geometry.rows; ++row) {
+    const float* const values = row_of(result, row);
+    std::transform(values, values + geometry.columns, dilated.row(row),
+                   [](float value) { return value == kUnknown ? kNaNFloat : value; });
   }
-  return result;
+  return dilated;
 }
 
 FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions& options,
@@ -106,12 +111,13 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
       goal_(goal) {
   const map::Map& map = costs.map();
   const raster::Grid<float> dilated = dilated_surface(map.surface_m, options.lateral_margin_m);
-  cells_.resize(geometry_.cell_count());
-  for (std::size_t i = 0; i < cells_.size(); ++i) {
-    cells_[i] = {map.surface_m.values()[i], dilated.values()[i],
-                 costs.semantics_layer().values()[i], 0.0F,
-                 costs.visibilities({static_cast<int>(i) % geometry_.columns,
-                                     static_cast<int>(i) / geometry_.columns})};
+  cells_.reserve(geometry_.cell_count());
+  for (int row = 0; row < geometry_.rows; ++row) {
+    for (int column = 0; column < geometry_.columns; ++column) {
+      cells_.push_back({map.surface_m.at(column, row), dilated.at(column, row),
+                        costs.semantics_layer().at(column, row), 0.0F,
+                        costs.visibilities({column, row})});
+    }
   }
   const std::array<flight::Waypoint, 2> ends = {start, goal};
   for (std::size_t i = 0; i < ends.size(); ++i) {

@@ -10,16 +10,79 @@ namespace {
 using raster::CellIndex;
 using raster::GridGeometry;
 
+// The patches between cell centres: (c, r) lies between the centres (c, r) and (c + 1, r + 1).
+GridGeometry patches_of(const GridGeometry& cells) {
+  return {cells.west_m + 0.5 * cells.cell_m, cells.south_m + 0.5 * cells.cell_m, cells.cell_m,
+          cells.columns - 1, cells.rows - 1};
+}
+
+bool do_meet(const AltitudeBand& a, const AltitudeBand& b) {
+  return std::max(a.low_m, b.low_m) <= std::min(a.high_m, b.high_m);
+}
+
+// Whether patches lead from start to goal, looked for towards the goal first: mostly few are looked
+// at.
+bool are_connected(const FlightEnvelope& envelope, CellIndex start, CellIndex goal) {
+  const GridGeometry geometry = patches_of(envelope.geometry());
+  struct Open {
+    std::int64_t square;  // of the distance to the goal
+    CellIndex at;
+    AltitudeBand band;
+  };
+  const auto is_farther = [](const Open& a, const Open& b) { return a.square > b.square; };
+  const auto band_of = [&](CellIndex at) {
+    const AltitudeBand band = envelope.widest_band_over_patch(at);
+    const bool is_closed =
+        at != start && at != goal && envelope.area_that_closes_patch(at, band) != nullptr;
+    return is_closed ? AltitudeBand{1.0, 0.0} : band;
+  };
+  std::vector<std::uint8_t> seen(geometry.cell_count(), 0);
+  const auto index = [&](CellIndex at) {
+    return static_cast<std::size_t>(at.row) * static_cast<std::size_t>(geometry.columns) +
+           static_cast<std::size_t>(at.column);
+  };
+  std::vector<Open> open;
+  const auto see = [&](CellIndex at, const AltitudeBand& band) {
+    seen[index(at)] = 1;
+    const std::int64_t columns = at.column - goal.column;
+    const std::int64_t rows = at.row - goal.row;
+    open.push_back({columns * columns + rows * rows, at, band});
+    std::push_heap(open.begin(), open.end(), is_farther);
+  };
+  see(start, band_of(start));
+  while (!open.empty()) {
+    std::pop_heap(open.begin(), open.end(), is_farther);
+    const Open here = open.back();
+    open.pop_back();
+    if (here.at == goal) {
+      return true;
+    }
+    for (int row = here.at.row - 1; row <= here.at.row + 1; ++row) {
+      for (int column = here.at.column - 1; column <= here.at.column + 1; ++column) {
+        const CellIndex next{column, row};
+        if (!geometry.contains(next) || seen[index(next)] != 0) {
+          continue;
+        }
+        const AltitudeBand band = band_of(next);
+        if (do_meet(here.band, band)) {
+          see(next, band);
+        }
+      }
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) {
-  // Patch (c, r) lies between the centres (c, r) and (c + 1, r + 1).
-  const GridGeometry& cells = envelope.geometry();
-  const GridGeometry geometry{cells.west_m + 0.5 * cells.cell_m, cells.south_m + 0.5 * cells.cell_m,
-                              cells.cell_m, cells.columns - 1, cells.rows - 1};
+  const GridGeometry geometry = patches_of(envelope.geometry());
   const CellIndex start = geometry.cell_at(envelope.start().point());
   const CellIndex goal = geometry.cell_at(envelope.goal().point());
   if (!geometry.contains(start) || !geometry.contains(goal)) {
+    return std::nullopt;
+  }
+  if (are_connected(envelope, start, goal)) {
     return std::nullopt;
   }
   std::vector<AltitudeBand> bands;
@@ -65,7 +128,7 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
             continue;
           }
           const AltitudeBand& other = bands[index(next)];
-          if (std::max(band.low_m, other.low_m) <= std::min(band.high_m, other.high_m)) {
+          if (do_meet(band, other)) {
             seen[index(next)] = 1;
             open.push_back(next);
           }
@@ -74,9 +137,7 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
     }
     return false;
   };
-  if (fill(start, goal)) {
-    return std::nullopt;
-  }
+  fill(start, goal);
   Disconnection result;
   result.reachable_patches = open.size();
   const auto square_m2 = [&](CellIndex at) {

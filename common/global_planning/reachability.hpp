@@ -23,7 +23,7 @@ struct Disconnection {
 /// joined when these intervals meet. Patches that hard areas close as a whole are left out. Climb
 /// angle and turns are left free: within a patch a route may gain any height. Every route that the
 /// envelope admits also runs through these patches, so where they are not connected, no route is.
-/// The reverse does not hold. O(cells).
+/// The reverse does not hold. O(cells); where they are connected, mostly O(cells between them).
 std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope);
 
 }  // namespace hedgehop::global_planning
