@@ -115,8 +115,7 @@ FlightEnvelope::FlightEnvelope(const risk::CostModel& costs, const GlobalOptions
   for (int row = 0; row < geometry_.rows; ++row) {
     for (int column = 0; column < geometry_.columns; ++column) {
       cells_.push_back({map.surface_m.at(column, row), dilated.at(column, row),
-                        costs.semantics_layer().at(column, row), 0.0F,
-                        costs.visibilities({column, row})});
+                        costs.semantics_layer().at(column, row), 0.0F});
     }
   }
   const std::array<flight::Waypoint, 2> ends = {start, goal};
@@ -138,8 +137,6 @@ FlightEnvelope::FlightEnvelope(const FlightEnvelope& ground, const risk::CostMod
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     cells_[i].semantics = costs.semantics_layer().values()[i];
     cells_[i].avoidance = 0.0F;
-    cells_[i].visibilities = costs.visibilities(
-        {static_cast<int>(i) % geometry_.columns, static_cast<int>(i) / geometry_.columns});
   }
 }
 
@@ -805,12 +802,12 @@ double FlightEnvelope::least_density(raster::CellIndex at) const {
   }
   const Cell& here = cell(at.column, at.row);
   const double least = costs_->density_rule().least_above(
-      here.visibilities, static_cast<double>(costs_->land_use_layer().at(at)), height_m);
+      visibilities_of(here), static_cast<double>(costs_->land_use_layer().at(at)), height_m);
   return has_threats_ ? least + costs_->threat_density(number_of(here), height_m) : least;
 }
 
 double FlightEnvelope::density(const Cell& at, double semantics, double height_m) const {
-  const double sum = costs_->density_rule()(at.visibilities, semantics, height_m) +
+  const double sum = costs_->density_rule()(visibilities_of(at), semantics, height_m) +
                      static_cast<double>(at.avoidance);
   return has_threats_ ? sum + costs_->threat_density(number_of(at), height_m) : sum;
 }

@@ -188,8 +188,7 @@ class FlightEnvelope {
     float surface_m;
     float dilated_m;
     float semantics;
-    float avoidance;            // cost per metre beside eq. (1)
-    const float* visibilities;  // for risk::CostDensity
+    float avoidance;  // cost per metre beside eq. (1)
   };
   // What areas mean over a cell.
   struct CellAreas {
@@ -220,6 +219,9 @@ class FlightEnvelope {
   [[nodiscard]] const Cell& cell(int column, int row) const { return cells_[index(column, row)]; }
   [[nodiscard]] std::size_t number_of(const Cell& at) const {
     return static_cast<std::size_t>(&at - cells_.data());
+  }
+  [[nodiscard]] const float* visibilities_of(const Cell& at) const {
+    return costs_->visibilities(number_of(at));
   }
   [[nodiscard]] double density(const Cell& at, double semantics, double height_m) const;
   // The band between ground and ceiling alone.

@@ -168,11 +168,13 @@ class CostModel {
   /// density_rule().heights_m().
   [[nodiscard]] const CostDensity& density_rule() const { return density_; }
   [[nodiscard]] const float* visibilities(raster::CellIndex cell) const {
-    const raster::GridGeometry& g = visibility_.geometry();
-    return visibilities_.data() +
-           (static_cast<std::size_t>(cell.row) * static_cast<std::size_t>(g.columns) +
-            static_cast<std::size_t>(cell.column)) *
-               density_.heights_m().size();
+    return visibilities(static_cast<std::size_t>(cell.row) *
+                            static_cast<std::size_t>(visibility_.columns()) +
+                        static_cast<std::size_t>(cell.column));
+  }
+  /// Cells by number, row by row from the south.
+  [[nodiscard]] const float* visibilities(std::size_t cell) const {
+    return visibilities_.data() + cell * density_.heights_m().size();
   }
 
   // What costs beyond eq. (1) and is not in density_rule(). Cells by their number, row by row from
