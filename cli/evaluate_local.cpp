@@ -135,15 +135,16 @@ ExitCode run_local_safety(const Console& console, const LocalArguments& argument
     std::printf("%s", evaluation::local_safety_result_json(result).c_str());
     return evaluation_code(console, result.is_stopped);
   }
-  std::printf("%-10s %-6s %7s %7s %10s %10s %11s %11s %12s\n", "planner", "towers", "flights",
-              "reached", "collisions", "violations", "clearance_m", "height_m", "low_share");
+  std::printf("%-10s %-6s %7s %7s %10s %10s %8s %11s %11s %12s\n", "planner", "towers", "flights",
+              "reached", "collisions", "violations", "ways_out", "clearance_m", "height_m",
+              "low_share");
   for (const evaluation::LocalSafetyRow& row : result.rows) {
-    std::printf("%-10s %-6s %7lld %7lld %10lld %10lld %11.1f %11.1f %11.1f%%\n",
-                row.planner.c_str(), row.has_towers ? "yes" : "no",
-                static_cast<long long>(row.flights), static_cast<long long>(row.reached),
-                static_cast<long long>(row.collisions),
-                static_cast<long long>(row.clearance_violations), row.min_clearance_m,
-                row.mean_height_m, 100.0 * row.share_under_ceiling_off_towers);
+    std::printf(
+        "%-10s %-6s %7lld %7lld %10lld %10lld %8lld %11.1f %11.1f %11.1f%%\n", row.planner.c_str(),
+        row.has_towers ? "yes" : "no", static_cast<long long>(row.flights),
+        static_cast<long long>(row.reached), static_cast<long long>(row.collisions),
+        static_cast<long long>(row.clearance_violations), static_cast<long long>(row.ways_out),
+        row.min_clearance_m, row.mean_height_m, 100.0 * row.share_under_ceiling_off_towers);
   }
   return evaluation_code(console, result.is_stopped);
 }
@@ -190,7 +191,8 @@ void add_local_evaluation_verbs(CLI::App& evaluate, Console& console) {
       "planning. A collision is a path that touches the surface between two states, a violation "
       "one "
       "that comes nearer than verification.required_clearance_m, both by the independent "
-      "verifier.\n"
+      "verifier. Each flight is cut off once at a drawn moment; ways_out counts those that have a "
+      "climb-out or climbing turn from there that verifies.\n"
       "Example:\n"
       "  hedgehop evaluate local-safety --map map --flights 200 --seed 7 --routes routes --json");
   auto of_safety =

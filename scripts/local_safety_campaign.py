@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 
-SUMS = ("flights", "reached", "collisions", "clearance_violations")
+SUMS = ("flights", "reached", "collisions", "clearance_violations", "ways_out")
 
 
 def arguments():
@@ -55,7 +55,7 @@ def add(total, row):
 def told(name, total):
     low = total["low_m"] / total["length_m"] if total["length_m"] > 0.0 else math.nan
     return (f"{name}: {total['flights']} flights, {total['reached']} reached the goal, {total['collisions']} collisions, "
-            f"{total['clearance_violations']} violations, least clearance {total.get('min_clearance_m', math.nan):.1f} m, "
+            f"{total['clearance_violations']} violations, {total['ways_out']} ways out, least clearance {total.get('min_clearance_m', math.nan):.1f} m, "
             f"{100.0 * low:.1f} % under the ceiling away from towers")
 
 

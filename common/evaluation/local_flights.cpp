@@ -11,8 +11,10 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <optional>
 
+#include "base/angles.hpp"
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
+#include "command_model/planned_state.hpp"
 #include "evaluation/flown_route.hpp"
 #include "global_planning/random_source.hpp"
 
@@ -88,6 +90,7 @@ Table2Comparison compared(const std::string& name, const std::vector<Outcome>& o
 struct SafetyOutcome {
   bool is_reached = false;
   bool is_verified = false;
+  bool has_way_out = false;
   double clearance_min_m = kNan;
   double length_m = 0.0;
   double height_integral_m2 = 0.0;
@@ -144,6 +147,21 @@ SafetyOutcome safety_of(const std::optional<RouteFlight>& flight,
     }
   }
   return outcome;
+}
+
+// Whether a flight that is cut off after `share` of its steps has a way out that verifies.
+bool has_way_out(const RouteFlight& flown, const map::Map& map, const PlanningConfig& config,
+                 const planning::ReactionOptions& options, double share) {
+  const std::vector<flight::FlightState>& states = flown.trajectory.states;
+  const auto step = static_cast<std::size_t>(share * static_cast<double>(states.size() - 1));
+  const flight::FlightState& here = states[step];
+  const planning::FlightUnderPlan flight{&flown.trajectory, step,
+                                         command_model::model_state_of(here, config.vehicle.wind),
+                                         command_model::command_of(here).heading_math_rad};
+  const map::Map ground =
+      planning::map_part(map, planning::window_of_reaction(map.geometry, options, flight));
+  return planning::way_out_from(ground, config, options, flight).kind ==
+         planning::ReactionKind::kWayOut;
 }
 
 // What flying over one map costs, and the ground that flights look at, made once for all rows that
@@ -327,6 +345,7 @@ LocalSafetyRow row_of(const LocalSafetyOptions::Row& asked,
     row.collisions += outcome.clearance_min_m > 0.0 ? 0 : 1;
     row.clearance_violations += is_clear ? 0 : 1;
     row.not_verified += outcome.is_verified ? 0 : 1;
+    row.ways_out += outcome.has_way_out ? 1 : 0;
     row.min_clearance_m = std::fmin(row.min_clearance_m, outcome.clearance_min_m);
     clearance_sum_m += outcome.clearance_min_m;
     row.length_m += outcome.length_m;
@@ -367,6 +386,9 @@ LocalSafetyOptions read_local_safety_options(ConfigReader& reader) {
   options.tower_height_max_m = reader.required_double("tower_height_max_m");
   options.tower_free_radius_m = reader.required_double("tower_free_radius_m");
   options.tower_near_m = reader.required_double("tower_near_m");
+  options.way_out.horizon_s = reader.required_double("cut_ahead_s");
+  options.way_out.heading_rate_max_radps =
+      radians_from_degrees(reader.required_double("heading_rate_max_degps"));
   for (ConfigReader& section : reader.required_sections("rows")) {
     LocalSafetyOptions::Row row;
     row.planner = section.required_string("planner");
@@ -386,6 +408,11 @@ LocalSafetyOptions read_local_safety_options(ConfigReader& reader) {
   reader.require(options.tower_free_radius_m >= 0.0, "tower_free_radius_m", "must not be negative");
   reader.require(options.tower_near_m >= 0.0 && options.tower_near_m <= 10000.0, "tower_near_m",
                  "must lie between 0 and 10000");
+  reader.require(options.way_out.horizon_s >= 1.0 && options.way_out.horizon_s <= 300.0,
+                 "cut_ahead_s", "must lie between 1 and 300");
+  reader.require(options.way_out.heading_rate_max_radps >= kDegree_rad &&
+                     options.way_out.heading_rate_max_radps <= 180.0 * kDegree_rad,
+                 "heading_rate_max_degps", "must lie between 1 and 180");
   reader.require(!options.rows.empty(), "rows", "must name a planner");
   reader.finish();
   return options;
@@ -492,10 +519,14 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
       [&] { return std::make_unique<TowerGround>(map, options, configs, alike); });
   for_each_until_stopped(count, is_done, observer, [&](std::size_t i) {
     const DrawnRoute& route = routes.routes[i];
+    const std::uint64_t route_seed = seed + static_cast<std::uint64_t>(route.problem);
+    const double cut_share = global_planning::RandomSource(~route_seed).unit();
     const auto fly = [&](std::size_t r, const planning::RouteGrounds& grounds,
                          const raster::Grid<std::uint8_t>& near) {
-      outcomes[r][i] = safety_of(flown(grounds, configs[r], route, observer), near,
-                                 configs[r].demands.ceiling_height_m);
+      const std::optional<RouteFlight> flight = flown(grounds, configs[r], route, observer);
+      outcomes[r][i] = safety_of(flight, near, configs[r].demands.ceiling_height_m);
+      outcomes[r][i].has_way_out = flight && has_way_out(*flight, grounds.costs().map(), configs[r],
+                                                         options.way_out, cut_share);
     };
     for (std::size_t r = 0; r < options.rows.size(); ++r) {
       if (!options.rows[r].has_towers) {
@@ -504,9 +535,8 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
     }
     if (has_towers) {
       std::unique_ptr<TowerGround> ground = tower_grounds.borrowed();
-      const auto near = near_towers(
-          map.geometry, ground->put_up(route, seed + static_cast<std::uint64_t>(route.problem)),
-          options.tower_near_m);
+      const auto near =
+          near_towers(map.geometry, ground->put_up(route, route_seed), options.tower_near_m);
       for (std::size_t r = 0; r < options.rows.size(); ++r) {
         if (options.rows[r].has_towers) {
           fly(r, ground->of(r), near);

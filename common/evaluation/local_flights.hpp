@@ -6,6 +6,7 @@
 
 #include "evaluation/drawn_routes.hpp"
 #include "evaluation/paired_statistics.hpp"
+#include "planning/reaction.hpp"
 #include "planning/route_flight.hpp"
 
 namespace hedgehop::evaluation {
@@ -30,8 +31,9 @@ struct LocalSafetyOptions {
   double towers_per_km2 = 0.0;
   double tower_height_min_m = 0.0;
   double tower_height_max_m = 0.0;
-  double tower_free_radius_m = 0.0;  // around start and goal
-  double tower_near_m = 0.0;         // the ceiling is not asked for nearer to a tower than this
+  double tower_free_radius_m = 0.0;   // around start and goal
+  double tower_near_m = 0.0;          // the ceiling is not asked for nearer to a tower than this
+  planning::ReactionOptions way_out;  // of flights that are cut off
   std::vector<Row> rows;
 };
 LocalSafetyOptions read_local_safety_options(ConfigReader& reader);
@@ -82,6 +84,7 @@ struct LocalSafetyRow {
   std::int64_t collisions = 0;            // the path between two states touches the surface
   std::int64_t clearance_violations = 0;  // comes nearer to it than is required
   std::int64_t not_verified = 0;          // breaks any demand
+  std::int64_t ways_out = 0;              // cut off at a drawn moment, it has one that verifies
   double min_clearance_m = 0.0;           // of all flights; NaN for none
   double mean_min_clearance_m = 0.0;      // mean of each flight's least one
   double mean_height_m = 0.0;             // above the surface, over the length of all flights
@@ -105,7 +108,9 @@ struct LocalSafetyResult {
 /// did not know. All rows fly the same routes; all rows with towers fly among the same ones, drawn
 /// for each flight anew: places uniform over the cells, heights uniform, none near start and goal.
 ///
-/// Clearance is the independent verifier's, swept along the path between the states.
+/// Clearance is the independent verifier's, swept along the path between the states. Each flight
+/// that reaches the goal is cut off once, at a moment that is drawn uniformly, the same share of it
+/// in all rows; the same verifier judges the way out, see planning::way_out_from().
 /// @throws Interrupted  if the observer says so.
 /// @note  As evaluate_table2().
 LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& config_text,

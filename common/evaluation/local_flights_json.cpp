@@ -1,5 +1,6 @@
 #include <nlohmann/json.hpp>
 
+#include "base/angles.hpp"
 #include "evaluation/local_flights.hpp"
 #include "evaluation/shared_json.hpp"
 
@@ -58,6 +59,9 @@ std::string local_safety_result_json(const LocalSafetyResult& result) {
                     {"height_max_m", result.options.tower_height_max_m},
                     {"free_radius_m", result.options.tower_free_radius_m},
                     {"near_m", result.options.tower_near_m}};
+  json["cut"] = {{"ahead_s", result.options.way_out.horizon_s},
+                 {"heading_rate_max_degps",
+                  degrees_from_radians(result.options.way_out.heading_rate_max_radps)}};
   json["rows"] = Json::array();
   for (const LocalSafetyRow& row : result.rows) {
     json["rows"].push_back({{"planner", row.planner},
@@ -68,6 +72,7 @@ std::string local_safety_result_json(const LocalSafetyResult& result) {
                             {"collisions", row.collisions},
                             {"clearance_violations", row.clearance_violations},
                             {"not_verified", row.not_verified},
+                            {"ways_out", row.ways_out},
                             {"min_clearance_m", row.min_clearance_m},
                             {"mean_min_clearance_m", row.mean_min_clearance_m},
                             {"mean_height_m", row.mean_height_m},

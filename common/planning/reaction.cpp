@@ -77,9 +77,7 @@ class Reactor {
     if (none.is_plan_verified && !is_seen_from) {
       return none;
     }
-    // Much work, and in vain where the plan stands.
-    costs_.emplace(cost_model(map_, config_));
-    ground_.emplace(local_planning::local_ground(*costs_, local_));
+    make_ground();  // much work, and in vain where the plan stands
     std::optional<double> cost_max_m;
     if (none.is_plan_verified) {
       cost_max_m = (1.0 - kSaving) * cost_of_plan_m();
@@ -92,6 +90,11 @@ class Reactor {
     return *reaction;
   }
 
+  Reaction only_way_out() {
+    make_ground();
+    return way_out();
+  }
+
  private:
   static LocalOptions options_of(const PlanningConfig& config) {
     LocalOptions options = config.local;
@@ -99,6 +102,11 @@ class Reactor {
     options.passes = 1;
     options.rollout_escape.is_used = true;
     return options;
+  }
+
+  void make_ground() {
+    costs_.emplace(cost_model(map_, config_));
+    ground_.emplace(local_planning::local_ground(*costs_, local_));
   }
 
   [[nodiscard]] HeadingCommand heading_after(double commanded_rad) const {
@@ -520,6 +528,11 @@ Reaction reaction_to(const map::Map& ground, const PlanningConfig& config,
                      const ReactionOptions& options, const FlightUnderPlan& flight,
                      bool is_seen_from) {
   return Reactor(ground, config, options, flight).reaction(is_seen_from);
+}
+
+Reaction way_out_from(const map::Map& ground, const PlanningConfig& config,
+                      const ReactionOptions& options, const FlightUnderPlan& flight) {
+  return Reactor(ground, config, options, flight).only_way_out();
 }
 
 }  // namespace hedgehop::planning

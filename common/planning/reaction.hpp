@@ -62,6 +62,11 @@ Reaction reaction_to(const map::Map& ground, const PlanningConfig& config,
                      const ReactionOptions& options, const FlightUnderPlan& flight,
                      bool is_seen_from);
 
+/// What is flown from a state on if the plan ends there: a way out, see
+/// local_planning::escape_from(), or the last resort. `ground` and `config` as above.
+Reaction way_out_from(const map::Map& ground, const PlanningConfig& config,
+                      const ReactionOptions& options, const FlightUnderPlan& flight);
+
 inline constexpr double kCircling_s = 90.0;
 
 }  // namespace hedgehop::planning

@@ -108,6 +108,7 @@ TEST(EvaluateLocalSafety, CountsWhatTheVerifierSaysOfTheSameFlightsInEveryRow) {
   EXPECT_EQ(plain.collisions, 0);
   EXPECT_EQ(plain.clearance_violations, 0);
   EXPECT_TRUE(plain.unsafe_problems.empty());
+  EXPECT_EQ(plain.ways_out, 2) << "cut off anywhere over hills of 24 m";
   EXPECT_GE(plain.min_clearance_m, 10.0);
   EXPECT_NEAR(plain.mean_height_m, 35.0, 6.0);
   EXPECT_EQ(plain.share_under_ceiling, 1.0);
@@ -115,6 +116,7 @@ TEST(EvaluateLocalSafety, CountsWhatTheVerifierSaysOfTheSameFlightsInEveryRow) {
   EXPECT_LT(result.rows[1].mean_height_m, plain.mean_height_m - 5.0);
   EXPECT_EQ(result.rows[2].clearance_violations, 2) << "nothing flies 60 m high here";
   EXPECT_EQ(result.rows[2].collisions, 0);
+  EXPECT_EQ(result.rows[2].ways_out, 0) << "they begin too low";
   EXPECT_EQ(result.rows[2].unsafe_problems, (std::vector<std::int64_t>{10, 11}));
   EXPECT_EQ(run(4).rows[3].min_clearance_m, result.rows[3].min_clearance_m);
 

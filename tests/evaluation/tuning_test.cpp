@@ -113,9 +113,7 @@ TEST_F(Tune, NothingCheapBuysAFlightThatIsUnsafe) {
   // One of the ten flights, beyond 450 m.
   for (const Mishap& mishap :
        {Mishap{"not reached",
-               [](TuneFlight& flight) {
-                 flight = {0, 3, false, false};
-               }},
+               [](TuneFlight& flight) { flight = {0, 3, false, false, 0.0, 0.0, 0.0, {}}; }},
         Mishap{"collides",
                [](TuneFlight& flight) { flight.is_verified = false, flight.clearance_m = -1.0; }},
         Mishap{"slowed", [](TuneFlight& flight) { flight.speed_mps = 30.0; }}}) {
