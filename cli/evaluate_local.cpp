@@ -129,8 +129,8 @@ ExitCode run_local_safety(const Console& console, const LocalArguments& argument
   const auto observer = console.observer();
   const evaluation::DrawnRoutes routes =
       routes_of(map, config, options.routes, options.safety.flights, seed, arguments, *observer);
-  const evaluation::LocalSafetyResult result =
-      evaluation::evaluate_local_safety(map, config.text, options.safety, routes, seed, *observer);
+  const evaluation::LocalSafetyResult result = evaluation::evaluate_local_safety(
+      map, config.text, options.safety, shipped_reaction(), routes, seed, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::local_safety_result_json(result).c_str());
     return evaluation_code(console, result.is_stopped);

@@ -7,12 +7,10 @@
 #include <memory>
 
 #include "base/angles.hpp"
-#include "base/shipped_config.hpp"
 #include "evaluation/paired_statistics.hpp"
 #include "evaluation/reaction_evaluation.hpp"
 #include "evaluation_arguments.hpp"
 #include "planning/map_for_plan.hpp"
-#include "services/command_model/command_model_service.hpp"
 #include "verbs.hpp"
 
 namespace hedgehop::cli {
@@ -69,8 +67,6 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   if (arguments.events > 0) {
     options.events = arguments.events;
   }
-  const auto service = services::read_command_model_options(
-      ConfigReader::from_text(shipped_config("command_model.yaml"), "config/command_model.yaml"));
   const std::uint64_t seed = arguments.seed.value(console);
   const planning::PlanningConfig config = arguments.planning.config();
   const map::Map map = planning::read_map_for(arguments.map, config);
@@ -80,7 +76,7 @@ ExitCode run(const Console& console, const Arguments& arguments) {
   const evaluation::DrawnRoutes drawn = evaluation::draw_routes(
       map, config, drawing, routes, seed, arguments.routes_folder, planned_route, *observer);
   const evaluation::ReactionResult result = evaluation::evaluate_reaction(
-      map, config, service.reaction, options, drawn, seed, thread_cpu_s, *observer);
+      map, config, shipped_reaction(), options, drawn, seed, thread_cpu_s, *observer);
   if (console.is_json) {
     std::printf("%s", evaluation::reaction_json(result).c_str());
   } else {

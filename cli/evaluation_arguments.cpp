@@ -9,6 +9,7 @@
 #include "base/shipped_config.hpp"
 #include "hedgehop_version.hpp"
 #include "preparation/visibility.hpp"
+#include "services/command_model/command_model_service.hpp"
 
 namespace hedgehop::cli {
 namespace {
@@ -56,6 +57,13 @@ std::uint64_t SeedArgument::value(const Console& console) const {
 
 ConfigReader shipped_evaluation() {
   return ConfigReader::from_text(shipped_config("evaluation.yaml"), "config/evaluation.yaml");
+}
+
+planning::ReactionOptions shipped_reaction() {
+  return services::read_command_model_options(
+             ConfigReader::from_text(shipped_config("command_model.yaml"),
+                                     "config/command_model.yaml"))
+      .reaction;
 }
 
 std::variant<flight::RoutePlan, flight::NoPlan> planned_route(

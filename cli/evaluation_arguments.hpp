@@ -10,6 +10,7 @@
 #include "console.hpp"
 #include "evaluation/optimality_evaluation.hpp"
 #include "planning/planning.hpp"
+#include "planning/reaction.hpp"
 
 namespace hedgehop::cli {
 
@@ -36,6 +37,9 @@ struct SeedArgument {
 
 /// The shipped evaluation.yaml.
 ConfigReader shipped_evaluation();
+
+/// How the service command_model reacts, as shipped.
+planning::ReactionOptions shipped_reaction();
 
 /// planning::plan_route() without progress, for evaluation::draw_routes().
 std::variant<flight::RoutePlan, flight::NoPlan> planned_route(

@@ -55,8 +55,8 @@ def add(total, row):
 def told(name, total):
     low = total["low_m"] / total["length_m"] if total["length_m"] > 0.0 else math.nan
     return (f"{name}: {total['flights']} flights, {total['reached']} reached the goal, {total['collisions']} collisions, "
-            f"{total['clearance_violations']} violations, {total['ways_out']} ways out, least clearance {total.get('min_clearance_m', math.nan):.1f} m, "
-            f"{100.0 * low:.1f} % under the ceiling away from towers")
+            f"{total['clearance_violations']} violations, {total['ways_out']} ways out, "
+            f"least clearance {total.get('min_clearance_m', math.nan):.1f} m, {100.0 * low:.1f} % under the ceiling away from towers")
 
 
 def main():

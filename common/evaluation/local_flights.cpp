@@ -11,7 +11,6 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <optional>
 
-#include "base/angles.hpp"
 #include "base/config_reader.hpp"
 #include "base/errors.hpp"
 #include "command_model/planned_state.hpp"
@@ -386,9 +385,6 @@ LocalSafetyOptions read_local_safety_options(ConfigReader& reader) {
   options.tower_height_max_m = reader.required_double("tower_height_max_m");
   options.tower_free_radius_m = reader.required_double("tower_free_radius_m");
   options.tower_near_m = reader.required_double("tower_near_m");
-  options.way_out.horizon_s = reader.required_double("cut_ahead_s");
-  options.way_out.heading_rate_max_radps =
-      radians_from_degrees(reader.required_double("heading_rate_max_degps"));
   for (ConfigReader& section : reader.required_sections("rows")) {
     LocalSafetyOptions::Row row;
     row.planner = section.required_string("planner");
@@ -408,11 +404,6 @@ LocalSafetyOptions read_local_safety_options(ConfigReader& reader) {
   reader.require(options.tower_free_radius_m >= 0.0, "tower_free_radius_m", "must not be negative");
   reader.require(options.tower_near_m >= 0.0 && options.tower_near_m <= 10000.0, "tower_near_m",
                  "must lie between 0 and 10000");
-  reader.require(options.way_out.horizon_s >= 1.0 && options.way_out.horizon_s <= 300.0,
-                 "cut_ahead_s", "must lie between 1 and 300");
-  reader.require(options.way_out.heading_rate_max_radps >= kDegree_rad &&
-                     options.way_out.heading_rate_max_radps <= 180.0 * kDegree_rad,
-                 "heading_rate_max_degps", "must lie between 1 and 180");
   reader.require(!options.rows.empty(), "rows", "must name a planner");
   reader.finish();
   return options;
@@ -493,6 +484,7 @@ std::vector<geo::MapPoint> add_towers(map::Map& map, const LocalSafetyOptions& o
 
 LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& config_text,
                                         const LocalSafetyOptions& options,
+                                        const planning::ReactionOptions& cut_off,
                                         const DrawnRoutes& routes, std::uint64_t seed,
                                         Observer& observer) {
   std::vector<PlanningConfig> configs;
@@ -525,8 +517,8 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
                          const raster::Grid<std::uint8_t>& near) {
       const std::optional<RouteFlight> flight = flown(grounds, configs[r], route, observer);
       outcomes[r][i] = safety_of(flight, near, configs[r].demands.ceiling_height_m);
-      outcomes[r][i].has_way_out = flight && has_way_out(*flight, grounds.costs().map(), configs[r],
-                                                         options.way_out, cut_share);
+      outcomes[r][i].has_way_out =
+          flight && has_way_out(*flight, grounds.costs().map(), configs[r], cut_off, cut_share);
     };
     for (std::size_t r = 0; r < options.rows.size(); ++r) {
       if (!options.rows[r].has_towers) {
@@ -559,6 +551,7 @@ LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& 
   result.map_hash = map.hash.hex();
   result.problems = routes.problems;
   result.options = options;
+  result.cut_off = cut_off;
   for (std::size_t r = 0; r < options.rows.size(); ++r) {
     result.required_clearance_m = configs[r].demands.required_clearance_m;
     result.rows.push_back(row_of(options.rows[r], outcomes[r], flown_routes,

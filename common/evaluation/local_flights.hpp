@@ -31,9 +31,8 @@ struct LocalSafetyOptions {
   double towers_per_km2 = 0.0;
   double tower_height_min_m = 0.0;
   double tower_height_max_m = 0.0;
-  double tower_free_radius_m = 0.0;   // around start and goal
-  double tower_near_m = 0.0;          // the ceiling is not asked for nearer to a tower than this
-  planning::ReactionOptions way_out;  // of flights that are cut off
+  double tower_free_radius_m = 0.0;  // around start and goal
+  double tower_near_m = 0.0;         // the ceiling is not asked for nearer to a tower than this
   std::vector<Row> rows;
 };
 LocalSafetyOptions read_local_safety_options(ConfigReader& reader);
@@ -100,6 +99,7 @@ struct LocalSafetyResult {
   std::string map_hash;
   std::int64_t problems = 0;
   LocalSafetyOptions options;
+  planning::ReactionOptions cut_off;
   double required_clearance_m = 0.0;
   std::vector<LocalSafetyRow> rows;
 };
@@ -111,10 +111,13 @@ struct LocalSafetyResult {
 /// Clearance is the independent verifier's, swept along the path between the states. Each flight
 /// that reaches the goal is cut off once, at a moment that is drawn uniformly, the same share of it
 /// in all rows; the same verifier judges the way out, see planning::way_out_from().
+///
+/// @param cut_off  what the service command_model has for reactions
 /// @throws Interrupted  if the observer says so.
 /// @note  As evaluate_table2().
 LocalSafetyResult evaluate_local_safety(const map::Map& map, const std::string& config_text,
                                         const LocalSafetyOptions& options,
+                                        const planning::ReactionOptions& cut_off,
                                         const DrawnRoutes& routes, std::uint64_t seed,
                                         Observer& observer);
 

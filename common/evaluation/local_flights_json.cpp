@@ -59,9 +59,9 @@ std::string local_safety_result_json(const LocalSafetyResult& result) {
                     {"height_max_m", result.options.tower_height_max_m},
                     {"free_radius_m", result.options.tower_free_radius_m},
                     {"near_m", result.options.tower_near_m}};
-  json["cut"] = {{"ahead_s", result.options.way_out.horizon_s},
-                 {"heading_rate_max_degps",
-                  degrees_from_radians(result.options.way_out.heading_rate_max_radps)}};
+  json["cut"] = {
+      {"ahead_s", result.cut_off.horizon_s},
+      {"heading_rate_max_degps", degrees_from_radians(result.cut_off.heading_rate_max_radps)}};
   json["rows"] = Json::array();
   for (const LocalSafetyRow& row : result.rows) {
     json["rows"].push_back({{"planner", row.planner},

@@ -20,6 +20,12 @@ bool do_meet(const AltitudeBand& a, const AltitudeBand& b) {
   return std::max(a.low_m, b.low_m) <= std::min(a.high_m, b.high_m);
 }
 
+// The area that closes a patch; start and goal stay open.
+const map::Area* closing_area(const FlightEnvelope& envelope, CellIndex at,
+                              const AltitudeBand& band, CellIndex start, CellIndex goal) {
+  return at == start || at == goal ? nullptr : envelope.area_that_closes_patch(at, band);
+}
+
 // Whether patches lead from start to goal, looked for towards the goal first: mostly few are looked
 // at.
 bool are_connected(const FlightEnvelope& envelope, CellIndex start, CellIndex goal) {
@@ -32,9 +38,7 @@ bool are_connected(const FlightEnvelope& envelope, CellIndex start, CellIndex go
   const auto is_farther = [](const Open& a, const Open& b) { return a.square > b.square; };
   const auto band_of = [&](CellIndex at) {
     const AltitudeBand band = envelope.widest_band_over_patch(at);
-    const bool is_closed =
-        at != start && at != goal && envelope.area_that_closes_patch(at, band) != nullptr;
-    return is_closed ? AltitudeBand{1.0, 0.0} : band;
+    return closing_area(envelope, at, band, start, goal) != nullptr ? AltitudeBand{1.0, 0.0} : band;
   };
   std::vector<std::uint8_t> seen(geometry.cell_count(), 0);
   const auto index = [&](CellIndex at) {
@@ -96,8 +100,8 @@ std::optional<Disconnection> prove_disconnected(const FlightEnvelope& envelope) 
   for (int row = 0; row < geometry.rows; ++row) {
     for (int column = 0; column < geometry.columns; ++column) {
       AltitudeBand band = envelope.widest_band_over_patch({column, row});
-      const map::Area* area = envelope.area_that_closes_patch({column, row}, band);
-      if (area != nullptr && CellIndex{column, row} != start && CellIndex{column, row} != goal) {
+      const map::Area* area = closing_area(envelope, {column, row}, band, start, goal);
+      if (area != nullptr) {
         closed.push_back({{column, row}, band, area});
         band = {1.0, 0.0};
       }

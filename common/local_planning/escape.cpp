@@ -19,6 +19,7 @@ using command_model::ModelState;
 
 constexpr int kStepsPerCheck = 5;
 constexpr double kRollIn_s = 2.0;
+constexpr double kLevelOff_s = 10.0;
 constexpr double kAim_s = 4.0;  // of the place on the guide that is headed for
 constexpr double kAimMin_m = 60.0;
 constexpr double kProjectionAhead_m = 60.0;  // more than a step, less than a bend
@@ -85,7 +86,21 @@ class Attempt {
         kRollIn_s * speed_max_mps + options_.lateral_margin_m;
     const double lowest_m =
         raster::max_within(surface_m_, {state.x_m, state.y_m}, radius_m) + options_.clearance_m;
-    return state.climb_rate_mps >= 0.0 && state.altitude_m >= lowest_m;  // false for NaN
+    return state.climb_rate_mps >= 0.0 && state.altitude_m >= lowest_m &&  // false for NaN
+           stays_above(lowest_m, state);
+  }
+
+  // Whether levelling off ends no lower: the climb rate's controller may still hold a descent.
+  [[nodiscard]] bool stays_above(double lowest_m, ModelState state) const {
+    const Command level{state.speed_mps, state.heading_math_rad, 0.0};
+    const auto steps = static_cast<int>(kLevelOff_s / step_s_);
+    for (int i = 0; i < steps; ++i) {
+      state = model_.step(state, level, step_s_);
+      if (state.altitude_m < lowest_m) {
+        return false;
+      }
+    }
+    return true;
   }
 
   const raster::Grid<float>& surface_m_;

@@ -712,8 +712,8 @@ void forecast_kernel(ForecastTask& task, FlightScratch& scratch) {
     hn::StoreU(cosine, tag, forward + i);
     hn::StoreU(sine, tag, leftward + i);
   }
-  float forward_sum =
-      0.0F;  // in registers: read back from the arrays, each sum waits for its store
+  // In registers: read back from the arrays, each sum would wait for its store.
+  float forward_sum = 0.0F;
   float leftward_sum = 0.0F;
   for (int i = 0; i < padded; ++i) {
     forward_sum += forward[i];

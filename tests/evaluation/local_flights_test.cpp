@@ -96,7 +96,8 @@ TEST(EvaluateLocalSafety, CountsWhatTheVerifierSaysOfTheSameFlightsInEveryRow) {
   const auto run = [&](std::size_t threads) {
     const oneapi::tbb::global_control control(oneapi::tbb::global_control::max_allowed_parallelism,
                                               threads);
-    return evaluate_local_safety(map, text, options, straight_routes(map), seed, observer);
+    return evaluate_local_safety(map, text, options, {60.0, 0.35}, straight_routes(map), seed,
+                                 observer);
   };
   const LocalSafetyResult result = run(1);
   ASSERT_EQ(result.rows.size(), 4U);

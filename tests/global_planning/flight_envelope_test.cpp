@@ -62,6 +62,42 @@ TEST(DilatedSurface, UnknownCellsAndTheEdgeMakeTheirSurroundingsUnknown) {
   EXPECT_TRUE(std::isnan(dilated.at(7, 8)));
 }
 
+TEST(DilatedSurface, EachCellIsTheGreatestOfItsNeighbourhoodOrUnknownWithOneOfThem) {
+  const std::uint64_t seed = test::fresh_seed();
+  std::mt19937_64 random(seed);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const double margin_m : {5.0, 30.0, 47.0, 100.0}) {
+    const int columns = 12 + static_cast<int>(random() % 40);
+    const int rows = 12 + static_cast<int>(random() % 20);
+    raster::Grid<float> surface({0.0, 0.0, 30.0, columns, rows}, 0.0F);
+    for (float& value : surface.values()) {
+      value = random() % 200 == 0 ? nan : static_cast<float>(random() % 1000) - 500.0F;
+    }
+    const raster::Grid<float> dilated = dilated_surface(surface, margin_m);
+    for (int row = 0; row < rows; ++row) {
+      for (int column = 0; column < columns; ++column) {
+        float greatest = -std::numeric_limits<float>::infinity();
+        for (int by = -8; by <= 8; ++by) {
+          for (int bx = -8; bx <= 8; ++bx) {
+            const double dx_m = 30.0 * std::max(std::abs(bx) - 1, 0);
+            const double dy_m = 30.0 * std::max(std::abs(by) - 1, 0);
+            if (dx_m * dx_m + dy_m * dy_m >= margin_m * margin_m) {
+              continue;
+            }
+            const raster::CellIndex at{column + bx, row + by};
+            const float value = surface.geometry().contains(at) ? surface.at(at) : nan;
+            greatest = std::isnan(value) || std::isnan(greatest) ? nan : std::max(greatest, value);
+          }
+        }
+        const float found = dilated.at(column, row);
+        ASSERT_TRUE(found == greatest || (std::isnan(found) && std::isnan(greatest)))
+            << found << " for " << greatest << " at " << column << " " << row << " margin "
+            << margin_m;
+      }
+    }
+  }
+}
+
 TEST(DilatedSurface, InterpolatedItIsNowhereLowerThanTheSurfaceWithinTheMargin) {
   const std::uint64_t seed = test::fresh_seed();
   std::mt19937_64 random(seed);

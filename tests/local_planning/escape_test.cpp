@@ -50,6 +50,19 @@ class EscapeTest : public ::testing::Test {
     return least_m;
   }
 
+  // Level circles to the left for 2 minutes from the end of an escape.
+  [[nodiscard]] std::vector<FlownStep> circled(const Escape& escape) const {
+    std::vector<FlownStep> circle(1);
+    circle.front().state = escape.steps.back().state;
+    for (int i = 0; i < 2400; ++i) {
+      FlownStep step;
+      const auto& now = circle.back().state;
+      step.state = model_.step(now, {now.speed_mps, now.heading_math_rad + 1.5, 0.0}, kStep_s);
+      circle.push_back(step);
+    }
+    return circle;
+  }
+
   command_model::Vehicle vehicle_ = test::shipped_vehicle();
   command_model::CommandModel model_{vehicle_};
   LocalOptions options_ = test::shipped_local_options();
@@ -73,6 +86,24 @@ TEST_F(EscapeTest, OverLevelGroundItIsAtOnceHighEnough) {
   EXPECT_EQ(escape->turn_left_rad, 0.0);
   EXPECT_FALSE(escape->is_along_plan);
   EXPECT_EQ(escape->steps.size(), 1U);
+}
+
+TEST_F(EscapeTest, OutOfADescentItEndsWhereLevellingOffKeepsTheClearance) {
+  // The integrator of the climb rate still holds the descent when that has ended.
+  const auto map = test::make_map(200, 200, 30.0, [](double, double) { return 100.0; });
+  int escapes = 0;
+  for (double altitude_m = 110.0; altitude_m < 150.0; altitude_m += 1.0) {
+    auto plan = level_plan(1400.0, 3000.0, altitude_m);
+    plan.front().state =
+        command_model::trimmed_state(1400.0, 3000.0, altitude_m, kSpeed_mps, 0.0, -8.0);
+    const auto escape = escape_from(map.surface_m, model_, kOptions, plan, kStep_s);
+    if (escape) {
+      ++escapes;
+      EXPECT_GE(least_height_m(map, escape->steps), kOptions.clearance_m) << altitude_m;
+      EXPECT_GE(least_height_m(map, circled(*escape)), kOptions.clearance_m) << altitude_m;
+    }
+  }
+  EXPECT_GE(escapes, 15);
 }
 
 TEST_F(EscapeTest, CliffAheadIsTurnedAwayFromToTheOpenSide) {
@@ -263,16 +294,7 @@ TEST_F(EscapeTest, EveryStateOfLowFlightsOverRoughHillsHasOneThatCanCircleAtItsE
       if (escape->is_along_plan || repeat % 10 != 0) {
         continue;
       }
-      // Level circles to the left for 2 minutes from there.
-      std::vector<FlownStep> circle(1);
-      circle.front().state = escape->steps.back().state;
-      for (int i = 0; i < 2400; ++i) {
-        FlownStep step;
-        const auto& now = circle.back().state;
-        step.state = model_.step(now, {now.speed_mps, now.heading_math_rad + 1.5, 0.0}, kStep_s);
-        circle.push_back(step);
-      }
-      ASSERT_GE(least_height_m(map, circle), kOptions.clearance_m - 0.01);
+      ASSERT_GE(least_height_m(map, circled(*escape)), kOptions.clearance_m - 0.01);
     }
   }
   EXPECT_GE(cut, 500);
