@@ -35,6 +35,7 @@ Decider::Decider(const Surroundings& surroundings, std::shared_ptr<const Histogr
       options_(options),
       sectors_(histogram_options.sectors),
       cheapest_(kernel == Kernel::kPlain ? &plain_cheapest : step_kernels(kernel).cheapest),
+      torque_(kernel == Kernel::kPlain ? &plain_torque : step_kernels(kernel).torque),
       heading_(heading),
       speed_mps_(speed_mps),
       disc_radius_m_(histogram_options.disc_radius_m),
@@ -236,8 +237,7 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
       judgement.wanted = elementary::tan(chosen->elevation_rad);
     }
   } else {
-    chosen_rad = cheapest_direction_rad(histogram_, sectors_, options_.weights, question, scratch_,
-                                        cheapest_);
+    chosen_rad = direction_of_histogram(question);
   }
   judgement.needed = std::max(
       static_cast<double>(histogram_.tan_climb_near),
@@ -245,9 +245,11 @@ Decider::Judgement Decider::judge_by_histogram(const ModelState& state,
   if (chosen_rad) {
     step.target_heading_math_rad = heading_for_rad(*chosen_rad, state.speed_mps);
     step.command.heading_math_rad =
-        followed_heading_rad(step.target_heading_math_rad, state,
-                             kGravity_mps2 * trigonometry.tan_bank / state.speed_mps,
-                             static_cast<float>(question.tangent_max));
+        followed_heading_rad(step.target_heading_math_rad, question, state,
+                             kGravity_mps2 * trigonometry.tan_bank / state.speed_mps);
+    if (is_turned_by_costs()) {
+      step.target_heading_math_rad = step.command.heading_math_rad;
+    }
     judgement.needed =
         std::max(judgement.needed, static_cast<double>(needed_towards(course_of_rad(
                                        step.command.heading_math_rad, state.speed_mps))));
@@ -377,10 +379,31 @@ bool Decider::is_going_around(const ModelState& state, const GroundMotion& motio
   return memory_.is_outbound;
 }
 
-double Decider::followed_heading_rad(double chosen_rad, const ModelState& state,
-                                     double turn_rate_radps, float tangent_max) {
-  memory_.heading.step(chosen_rad, state.heading_math_rad, turn_rate_radps,
-                       options_.heading_indicator, options_.step_s);
+std::optional<double> Decider::direction_of_histogram(const DirectionQuestion& question) {
+  if (is_turned_by_costs()) {
+    const auto tangent_max = static_cast<float>(question.tangent_max);
+    return needed_towards(question.goal_math_rad) <= tangent_max
+               ? question.goal_math_rad
+               : nearest_feasible_rad(histogram_, sectors_, question.goal_math_rad, tangent_max);
+  }
+  return options_.steering == Steering::kOpenings
+             ? cheapest_opening_rad(histogram_, sectors_, options_.weights,
+                                    options_.opening_wide_rad, question, scratch_, cheapest_)
+             : cheapest_direction_rad(histogram_, sectors_, options_.weights, question, scratch_,
+                                      cheapest_);
+}
+
+double Decider::followed_heading_rad(double chosen_rad, const DirectionQuestion& question,
+                                     const ModelState& state, double turn_rate_radps) {
+  double pull_rad = wrap_to_pi(chosen_rad - memory_.heading.angle_rad);
+  if (is_turned_by_costs()) {
+    pull_rad += cost_torque_rad(histogram_, sectors_, options_.weights, question,
+                                course_of_rad(memory_.heading.angle_rad, state.speed_mps),
+                                options_.repulsion_width_rad, scratch_, torque_);
+  }
+  memory_.heading.turn(options_.heading_indicator.spring_1ps2 * pull_rad, state.heading_math_rad,
+                       turn_rate_radps, options_.heading_indicator, options_.step_s);
+  const auto tangent_max = static_cast<float>(question.tangent_max);
   const double course_rad = course_of_rad(memory_.heading.angle_rad, state.speed_mps);
   if (needed_towards(course_rad) <= tangent_max) {
     return memory_.heading.angle_rad;

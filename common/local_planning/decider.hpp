@@ -101,8 +101,14 @@ class Decider {
   [[nodiscard]] float needed_towards(double course_rad) const {
     return histogram_.tan_masked[static_cast<std::size_t>(sectors_.of_angle(course_rad))];
   }
-  double followed_heading_rad(double chosen_rad, const command_model::ModelState& state,
-                              double turn_rate_radps, float tangent_max);
+  /// Whether costs turn the indicator themselves, towards no target but the goal.
+  [[nodiscard]] bool is_turned_by_costs() const {
+    return options_.steering == Steering::kTorque && options_.mode == LocalMode::kTvfh;
+  }
+  /// The course to follow; nothing if no sector is feasible.
+  std::optional<double> direction_of_histogram(const DirectionQuestion& question);
+  double followed_heading_rad(double chosen_rad, const DirectionQuestion& question,
+                              const command_model::ModelState& state, double turn_rate_radps);
   [[nodiscard]] GroundMotion motion_of(const command_model::ModelState& state,
                                        const command_model::StateTrigonometry& trigonometry) const;
   [[nodiscard]] const flight::Wind& wind() const { return model_.vehicle().wind; }
@@ -122,6 +128,7 @@ class Decider {
   std::optional<HistogramKernel> plain_;
   std::optional<HistogramTable> table_;
   int (*cheapest_)(const DirectionTask&);
+  float (*torque_)(const TorqueTask&);
   std::optional<ClimbForecast> forecast_;
   std::optional<Rollout> rollout_;
   HeadingCommand heading_;

@@ -16,6 +16,16 @@ float apart(float a_rad, float b_rad) {
   return std::min(difference_rad, kTwoPi_f - difference_rad);
 }
 
+// Adds up what was added in kLanes parts.
+float whole_sum(float (&partial)[kLanes]) {
+  for (int width = kLanes / 2; width > 0; width /= 2) {
+    for (int i = 0; i < width; ++i) {
+      partial[i] += partial[i + width];
+    }
+  }
+  return partial[0];
+}
+
 // Fills task.polar; returns its mean over the sectors with cells.
 float polar_mean(const DirectionTask& task) {
   float partial[kLanes] = {};
@@ -30,12 +40,7 @@ float polar_mean(const DirectionTask& task) {
       ++known;
     }
   }
-  for (int width = kLanes / 2; width > 0; width /= 2) {
-    for (int i = 0; i < width; ++i) {
-      partial[i] += partial[i + width];
-    }
-  }
-  return known > 0 ? partial[0] / static_cast<float>(known) : 0.0F;
+  return known > 0 ? whole_sum(partial) / static_cast<float>(known) : 0.0F;
 }
 
 // Cost of risk and climb in a direction of sector k.
@@ -67,6 +72,7 @@ DirectionTask task_of(const PolarHistogram& histogram, const Sectors& sectors,
   }
   DirectionTask task;
   task.tan_masked = histogram.tan_masked.data();
+  task.tan_needed = task.tan_masked;
   task.risk = histogram.risk.data();
   task.risk_weight = histogram.risk_weight.data();
   task.centre_rad = scratch.centre_rad.data();
@@ -87,18 +93,29 @@ DirectionTask task_of(const PolarHistogram& histogram, const Sectors& sectors,
   return task;
 }
 
+// The candidates of the opening of `width` sectors from `right` on are left in; the first and last
+// sector, for the narrow ones both middle ones.
+void keep_candidates(const PolarHistogram& histogram, int right, int width, int wide, int sectors,
+                     std::vector<float>& needed) {
+  const int in = width > wide ? wide / 2 : (width - 1) / 2;
+  for (const int k : {right + in, right + width - 1 - in}) {
+    const auto at = static_cast<std::size_t>(k % sectors);
+    needed[at] = histogram.tan_masked[at];
+  }
+}
+
 }  // namespace
 
 int plain_cheapest(const DirectionTask& task) {
   const float mean = polar_mean(task);
   int chosen = kNoDirection;
   float best = std::numeric_limits<float>::infinity();
-  if (task.tan_masked[task.goal_sector] <= task.tangent_max) {
+  if (task.tan_needed[task.goal_sector] <= task.tangent_max) {
     chosen = kGoalDirection;
     best = polar_cost(task, mean, task.goal_sector, task.goal_rad);
   }
   for (int k = 0; k < task.sectors; ++k) {
-    if (!(task.tan_masked[k] <= task.tangent_max)) {
+    if (!(task.tan_needed[k] <= task.tangent_max)) {
       continue;
     }
     const float cost = sector_cost(task, mean, k);
@@ -108,6 +125,25 @@ int plain_cheapest(const DirectionTask& task) {
     }
   }
   return chosen;
+}
+
+float plain_torque(const TorqueTask& turn) {
+  const DirectionTask& task = turn.costs;
+  const float mean = polar_mean(task);
+  float partial[kLanes] = {};
+  for (int k = 0; k < task.sectors; ++k) {
+    if (!(task.tan_masked[k] <= task.tangent_max)) {
+      continue;
+    }
+    const float cost = polar_cost(task, mean, k, task.centre_rad[k]);
+    float off_rad = task.centre_rad[k] - turn.indicator_rad;
+    off_rad -= off_rad > kPi_f ? kTwoPi_f : 0.0F;
+    off_rad += off_rad < -kPi_f ? kTwoPi_f : 0.0F;
+    const float fall = 1.0F + off_rad * off_rad * turn.inverse_width2;
+    const float pull = cost * off_rad;
+    partial[k % kLanes] += cost > 0.0F ? pull / (fall * fall) : pull;
+  }
+  return whole_sum(partial);
 }
 
 std::vector<float> direction_costs(const PolarHistogram& histogram, const Sectors& sectors,
@@ -137,6 +173,46 @@ std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
     return std::nullopt;
   }
   return chosen == kGoalDirection ? question.goal_math_rad : wrap_to_pi(sectors.centre_rad(chosen));
+}
+
+std::optional<double> cheapest_opening_rad(const PolarHistogram& histogram, const Sectors& sectors,
+                                           const DirectionWeights& weights, double wide_rad,
+                                           const DirectionQuestion& question,
+                                           DirectionScratch& scratch,
+                                           int (*cheapest)(const DirectionTask&)) {
+  DirectionTask task = task_of(histogram, sectors, weights, question, scratch);
+  const int count = task.sectors;
+  const auto is_open = [&](int k) { return task.tan_masked[k % count] <= task.tangent_max; };
+  if (is_open(task.goal_sector)) {
+    return question.goal_math_rad;
+  }
+  scratch.needed.assign(scratch.centre_rad.size(), std::numeric_limits<float>::infinity());
+  const int wide = static_cast<int>(std::lround(wide_rad / kTwoPi * count));
+  // Once around from the goal, whose sector is none of any opening.
+  int width = 0;
+  for (int k = task.goal_sector + 1; k <= task.goal_sector + count; ++k) {
+    if (is_open(k)) {
+      ++width;
+    } else if (width > 0) {
+      keep_candidates(histogram, k - width, width, wide, count, scratch.needed);
+      width = 0;
+    }
+  }
+  task.tan_needed = scratch.needed.data();
+  const int chosen = cheapest(task);
+  return chosen == kNoDirection ? std::nullopt
+                                : std::optional(wrap_to_pi(sectors.centre_rad(chosen)));
+}
+
+double cost_torque_rad(const PolarHistogram& histogram, const Sectors& sectors,
+                       const DirectionWeights& weights, const DirectionQuestion& question,
+                       double indicator_math_rad, double repulsion_width_rad,
+                       DirectionScratch& scratch, float (*torque)(const TorqueTask&)) {
+  TorqueTask task;
+  task.costs = task_of(histogram, sectors, weights, question, scratch);
+  task.indicator_rad = static_cast<float>(wrap_to_two_pi(indicator_math_rad));
+  task.inverse_width2 = static_cast<float>(1.0 / (repulsion_width_rad * repulsion_width_rad));
+  return -kTwoPi / sectors.count() / weights.goal * static_cast<double>(torque(task));
 }
 
 std::optional<double> nearest_feasible_rad(const PolarHistogram& histogram, const Sectors& sectors,

@@ -34,6 +34,7 @@ struct DirectionQuestion {
 struct DirectionScratch {
   std::vector<float> centre_rad;
   std::vector<float> polar;
+  std::vector<float> needed;  // of the candidates of openings; infinite for other sectors
 };
 
 /// Cheapest feasible direction, or nothing.
@@ -58,6 +59,36 @@ std::optional<double> cheapest_direction_rad(const PolarHistogram& histogram,
                                              DirectionScratch& scratch,
                                              int (*cheapest)(const DirectionTask&));
 
+/// The same with the candidates of VFH+ (Ulrich and Borenstein, DOI 10.1109/ROBOT.1998.677362), as
+/// the paper tells them: the goal direction if its sector is feasible. Otherwise the cheapest by
+/// cost_k of each opening's candidates. An opening is a run of feasible sectors between others; a
+/// narrow one is passed in the middle (of two middle sectors, both are candidates), one of more
+/// than `wide_rad` half of that from its right edge and from its left edge.
+std::optional<double> cheapest_opening_rad(const PolarHistogram& histogram, const Sectors& sectors,
+                                           const DirectionWeights& weights, double wide_rad,
+                                           const DirectionQuestion& question,
+                                           DirectionScratch& scratch,
+                                           int (*cheapest)(const DirectionTask&));
+
+/// What the costs of the feasible sectors apply to an indicator directly, in place of one target:
+///
+///     2 pi / (K c_goal) sum_k m(cost_k, wrap(k alpha - a))
+///     m(c, u) = -c u                       for c < 0: a spring that pulls there
+///     m(c, u) = -c u / (1 + (u / s)^2)^2   for c > 0: it repels, and far away no more
+///
+/// cost_k is polar_share c_p,k (R_k - mean R) as above, without the cost of the goal, whose torque
+/// is the spring towards it; so weights mean the same here. a indicator, s `repulsion_width_rad`.
+/// With the paper's sign of the torque, indicators run away from what is cheap.
+///
+/// Sums are single precision, as those of cheapest_direction_rad().
+///
+/// @param torque  what adds up: plain_torque or that of step_kernels()
+/// @return  as an angle [rad] that the spring of the indicator turns into a torque.
+double cost_torque_rad(const PolarHistogram& histogram, const Sectors& sectors,
+                       const DirectionWeights& weights, const DirectionQuestion& question,
+                       double indicator_math_rad, double repulsion_width_rad,
+                       DirectionScratch& scratch, float (*torque)(const TorqueTask&));
+
 /// cost_k of each sector as above, in plain form; NaN for one that is not feasible.
 std::vector<float> direction_costs(const PolarHistogram& histogram, const Sectors& sectors,
                                    const DirectionWeights& weights,
@@ -65,6 +96,8 @@ std::vector<float> direction_costs(const PolarHistogram& histogram, const Sector
 
 /// The choice in plain form: a sector, kGoalDirection or kNoDirection.
 int plain_cheapest(const DirectionTask& task);
+/// The sum in plain form.
+float plain_torque(const TorqueTask& turn);
 
 /// Centre of the feasible sector nearest to a direction, or nothing. A tie goes to the left.
 std::optional<double> nearest_feasible_rad(const PolarHistogram& histogram, const Sectors& sectors,

@@ -24,11 +24,17 @@ struct Indicator {
   double angle_rad = 0.0;
   double rate_radps = 0.0;
 
-  /// One step; damping is taken implicitly, so that any step is stable.
+  /// One step towards a target; damping is taken implicitly, so that any step is stable.
   void step(double target_rad, double vehicle_rad, double vehicle_rate_radps,
             const IndicatorOptions& options, double step_s) {
-    const double torque = options.spring_1ps2 * wrap_to_pi(target_rad - angle_rad) +
-                          options.relative_damping_1ps * vehicle_rate_radps -
+    turn(options.spring_1ps2 * wrap_to_pi(target_rad - angle_rad), vehicle_rad, vehicle_rate_radps,
+         options, step_s);
+  }
+
+  /// The same with another torque [rad/s^2] in place of the target's.
+  void turn(double torque_radps2, double vehicle_rad, double vehicle_rate_radps,
+            const IndicatorOptions& options, double step_s) {
+    const double torque = torque_radps2 + options.relative_damping_1ps * vehicle_rate_radps -
                           options.relative_spring_1ps2 * wrap_to_pi(angle_rad - vehicle_rad);
     const double share_s = step_s / options.inertia;
     rate_radps = (rate_radps + share_s * torque) /

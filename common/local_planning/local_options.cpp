@@ -172,6 +172,19 @@ LocalOptions read_local_options(ConfigReader& reader) {
                  "truncation_angle_deg", "must lie between 60 and 180");
   reader.require(options.climb_angle_min_rad < 0.0 && options.climb_angle_min_rad > -1.0,
                  "climb_angle_min_deg", "must lie between -57 and 0");
+  const std::string steering = reader.required_string("steering");
+  reader.require(steering == "torque" || steering == "cheapest" || steering == "openings",
+                 "steering", "must be torque, cheapest or openings");
+  options.steering = steering == "torque"     ? Steering::kTorque
+                     : steering == "cheapest" ? Steering::kCheapest
+                                              : Steering::kOpenings;
+  options.repulsion_width_rad = reader.required_angle("repulsion_width_deg");
+  reader.require(options.repulsion_width_rad >= 1.0 * kDegree_rad &&
+                     options.repulsion_width_rad <= std::numbers::pi,
+                 "repulsion_width_deg", "must lie between 1 and 180");
+  options.opening_wide_rad = reader.required_angle("opening_wide_deg");
+  reader.require(options.opening_wide_rad >= 0.0 && options.opening_wide_rad <= std::numbers::pi,
+                 "opening_wide_deg", "must lie between 0 and 180");
   ConfigReader weights = reader.required_section("weights");
   options.weights = read_direction_weights(weights, options);
   ConfigReader heading = reader.required_section("heading_indicator");

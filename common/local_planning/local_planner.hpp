@@ -48,6 +48,10 @@ struct RolloutEscapeOptions {
 /// azimuth and climb together, see cheapest_spherical().
 enum class LocalMode : std::uint8_t { kTvfh, kRollout, kVfh3d };
 
+/// How the histogram steers: its costs turn the heading indicator, see cost_torque_rad(); or that
+/// follows the cheapest feasible direction; or the one of VFH+, see cheapest_opening_rad().
+enum class Steering : std::uint8_t { kTorque, kCheapest, kOpenings };
+
 /// Section `local` of the planning config.
 struct LocalOptions {
   LocalMode mode = LocalMode::kTvfh;
@@ -67,12 +71,15 @@ struct LocalOptions {
   double projection_back_m = 0.0;    // the nearest place on the guide is looked for from this far
   double projection_ahead_m = 0.0;   // behind the last one to this far ahead of it
   double corridor_m = 0.0;           // risk and climb costs fade to nothing this far off the guide
-  double goal_only_distance_m = 0.0;  // nearer to the goal, only its direction counts
-  double goal_radius_m = 0.0;         // the goal is reached within this
-  double slow_speed_mps = 0.0;        // flown while no sector is feasible
-  double length_factor_max = 0.0;     // stuck after this many times the guide's length
-  int passes = 0;                     // each pass is guided by the flight of the one before
-  double window_shrink_m = 0.0;       // w is smaller by this in each further pass
+  double goal_only_distance_m = 0.0;      // nearer to the goal, only its direction counts
+  double goal_radius_m = 0.0;             // the goal is reached within this
+  double slow_speed_mps = 0.0;            // flown while no sector is feasible
+  double length_factor_max = 0.0;         // stuck after this many times the guide's length
+  int passes = 0;                         // each pass is guided by the flight of the one before
+  double window_shrink_m = 0.0;           // w is smaller by this in each further pass
+  Steering steering = Steering::kTorque;  // of mode tvfh
+  double repulsion_width_rad = 0.0;       // of kTorque, see cost_torque_rad()
+  double opening_wide_rad = 0.0;          // of kOpenings, see cheapest_opening_rad()
   DirectionWeights weights;
   double semantics_weight = 0.0;   // c_sem of the risk, eq. (5)
   double visibility_weight = 0.0;  // c_vis of the risk, eq. (5)
@@ -94,7 +101,7 @@ LocalOptions read_local_options(ConfigReader& reader);
 /// One step as flown: the model's state and what it was told for the next step.
 struct FlownStep {
   command_model::ModelState state;
-  double target_heading_math_rad = 0.0;  // direction of the chosen sector
+  double target_heading_math_rad = 0.0;  // chosen direction; by torque, what is commanded
   command_model::Command command;
   double commanded_climb_angle_rad = 0.0;
 };
@@ -133,8 +140,8 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// Flies the command model along a guide with TVFH+ or rollouts (all passes).
 ///
 /// Each step of TVFH+: project the place on the guide, take the target `look_ahead_m` further,
-/// compute the polar histogram, choose the cheapest feasible direction, let the heading indicator
-/// follow it, and command the climb
+/// compute the polar histogram, let the heading indicator follow the cheapest feasible direction or
+/// as `steering` says, and command the climb
 ///
 ///     t_cmd = max(t[k_cmd], min(t[k_chi], tau_max), t_goal, tan gamma_min, climb_ahead)
 ///
@@ -145,6 +152,9 @@ command_model::ModelState state_at_start(const std::vector<flight::Waypoint>& gu
 /// the present heading. If no sector is feasible, the one with the least climb within 108 degrees
 /// is commanded, with all the climb there is, at `slow_speed_mps`. Flight slows down as well when
 /// the climb ahead needs more than the vehicle has.
+///
+/// By torque, the indicator follows no direction that was chosen: a spring pulls it towards the
+/// goal direction (the feasible one nearest to it), and cost_torque_rad() turns it beside that.
 ///
 /// A step of the rollout mode chooses the direction by Rollout; t[k_cmd] and t[k_chi] are replaced
 /// by the climb along the heading commanded before. If that heading is not feasible any more, the

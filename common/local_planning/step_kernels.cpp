@@ -476,9 +476,19 @@ HWY_INLINE Floats apart(Floats a, Floats b) {
   return hn::Min(difference, hn::Sub(hn::Set(tag, kTwoPi_f), difference));
 }
 
-int cheapest_kernel(const DirectionTask& task) {
+// Adds up what was added in kLanes parts.
+HWY_INLINE float whole_sum(float* HWY_RESTRICT partial) {
+  for (int width = kLanes / 2; width > 0; width /= 2) {
+    for (int i = 0; i < width; ++i) {
+      partial[i] += partial[i + width];
+    }
+  }
+  return partial[0];
+}
+
+// Fills task.polar; returns its mean over the sectors with cells.
+HWY_INLINE float mean_polar(const DirectionTask& task) {
   const FloatTag tag;
-  const IntTag int_tag;
   constexpr int kVectors = static_cast<int>(kLanes / hn::MaxLanes(FloatTag()));
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const int padded = padded_to_lanes(task.sectors);
@@ -509,23 +519,36 @@ int cheapest_kernel(const DirectionTask& task) {
   for (int v = 0; v < kVectors; ++v) {
     hn::Store(sums[v], tag, partial + v * lanes);
   }
-  for (int width = kLanes / 2; width > 0; width /= 2) {
-    for (int i = 0; i < width; ++i) {
-      partial[i] += partial[i + width];
-    }
-  }
-  const float mean = known > 0 ? partial[0] / static_cast<float>(known) : 0.0F;
+  return known > 0 ? whole_sum(partial) / static_cast<float>(known) : 0.0F;
+}
 
+// Costs of risk and climb so far off the heading.
+class PolarCosts {
+ public:
+  PolarCosts(const DirectionTask& task, float mean)
+      : share_(hn::Set(FloatTag(), task.polar_share)),
+        mean_(hn::Set(FloatTag(), mean)),
+        offset_(hn::Set(FloatTag(), task.polar_offset)) {}
+  [[nodiscard]] HWY_INLINE Floats at(Floats off, Floats polar, Floats weight) const {
+    const Floats zero = hn::Zero(FloatTag());
+    const Floats cube = hn::Add(hn::Mul(hn::Mul(off, off), off), offset_);
+    const Floats extra = hn::Div(hn::Mul(share_, hn::Sub(polar, mean_)), cube);
+    return hn::IfThenElseZero(hn::And(hn::Gt(weight, zero), hn::Gt(share_, zero)), extra);
+  }
+
+ private:
+  Floats share_, mean_, offset_;
+};
+
+int cheapest_kernel(const DirectionTask& task) {
+  const FloatTag tag;
+  const IntTag int_tag;
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int padded = padded_to_lanes(task.sectors);
+  const Floats zero = hn::Zero(tag);
+  const PolarCosts polar_costs(task, mean_polar(task));
   const Floats heading = hn::Set(tag, task.heading_rad);
   const Floats goal = hn::Set(tag, task.goal_rad);
-  const Floats share = hn::Set(tag, task.polar_share);
-  const Floats means = hn::Set(tag, mean);
-  const Floats offset = hn::Set(tag, task.polar_offset);
-  const auto extra_of = [&](Floats off, Floats polar, Floats weight) {
-    const Floats cube = hn::Add(hn::Mul(hn::Mul(off, off), off), offset);
-    const Floats extra = hn::Div(hn::Mul(share, hn::Sub(polar, means)), cube);
-    return hn::IfThenElseZero(hn::And(hn::Gt(weight, zero), hn::Gt(share, zero)), extra);
-  };
   Floats best = hn::Set(tag, std::numeric_limits<float>::infinity());
   auto best_at = hn::Set(int_tag, kNoDirection);
   auto index = hn::Load(int_tag, kIndices);
@@ -538,11 +561,11 @@ int cheapest_kernel(const DirectionTask& task) {
         hn::Mul(hn::Set(tag, task.goal_weight),
                 hn::IfThenElse(is_quadratic, hn::Mul(off_goal, off_goal), off_goal));
     const Floats cost =
-        hn::Add(goal_cost, extra_of(apart(centre, heading), hn::LoadU(tag, task.polar + k),
-                                    hn::LoadU(tag, task.risk_weight + k)));
+        hn::Add(goal_cost, polar_costs.at(apart(centre, heading), hn::LoadU(tag, task.polar + k),
+                                          hn::LoadU(tag, task.risk_weight + k)));
     const FloatMask is_better =
         hn::And(hn::Lt(cost, best),
-                hn::Le(hn::LoadU(tag, task.tan_masked + k), hn::Set(tag, task.tangent_max)));
+                hn::Le(hn::LoadU(tag, task.tan_needed + k), hn::Set(tag, task.tangent_max)));
     best = hn::IfThenElse(is_better, cost, best);
     best_at = hn::IfThenElse(hn::RebindMask(int_tag, is_better), index, best_at);
     index = hn::Add(index, step);
@@ -555,14 +578,59 @@ int cheapest_kernel(const DirectionTask& task) {
     chosen = hn::GetLane(
         hn::MinOfLanes(int_tag, hn::IfThenElse(is_least, best_at, hn::Set(int_tag, task.sectors))));
   }
-  if (task.tan_masked[task.goal_sector] <= task.tangent_max) {
-    const Floats extra = extra_of(apart(goal, heading), hn::Set(tag, task.polar[task.goal_sector]),
-                                  hn::Set(tag, task.risk_weight[task.goal_sector]));
+  if (task.tan_needed[task.goal_sector] <= task.tangent_max) {
+    const Floats extra =
+        polar_costs.at(apart(goal, heading), hn::Set(tag, task.polar[task.goal_sector]),
+                       hn::Set(tag, task.risk_weight[task.goal_sector]));
     if (chosen == kNoDirection || !(least_cost < hn::GetLane(extra))) {
       return kGoalDirection;
     }
   }
   return chosen;
+}
+
+float torque_kernel(const TorqueTask& turn) {
+  const DirectionTask& task = turn.costs;
+  const FloatTag tag;
+  constexpr int kVectors = static_cast<int>(kLanes / hn::MaxLanes(FloatTag()));
+  const int lanes = static_cast<int>(hn::Lanes(tag));
+  const int padded = padded_to_lanes(task.sectors);
+  const Floats zero = hn::Zero(tag);
+  const Floats one = hn::Set(tag, 1.0F);
+  const PolarCosts polar_costs(task, mean_polar(task));
+  const Floats heading = hn::Set(tag, task.heading_rad);
+  const Floats indicator = hn::Set(tag, turn.indicator_rad);
+  const Floats inverse_width2 = hn::Set(tag, turn.inverse_width2);
+  Floats sums[kVectors];
+  for (int v = 0; v < kVectors; ++v) {
+    sums[v] = zero;
+  }
+  for (int k = 0; k < padded; k += kLanes) {
+#pragma GCC unroll 4
+    for (int v = 0; v < kVectors; ++v) {
+      const int at = k + v * lanes;
+      const Floats centre = hn::LoadU(tag, task.centre_rad + at);
+      const Floats cost = polar_costs.at(apart(centre, heading), hn::LoadU(tag, task.polar + at),
+                                         hn::LoadU(tag, task.risk_weight + at));
+      Floats off = hn::Sub(centre, indicator);
+      off = hn::Sub(off,
+                    hn::IfThenElseZero(hn::Gt(off, hn::Set(tag, kPi_f)), hn::Set(tag, kTwoPi_f)));
+      off = hn::Add(off,
+                    hn::IfThenElseZero(hn::Lt(off, hn::Set(tag, -kPi_f)), hn::Set(tag, kTwoPi_f)));
+      const Floats fall = hn::Add(one, hn::Mul(hn::Mul(off, off), inverse_width2));
+      const Floats pull = hn::Mul(cost, off);
+      const Floats push = hn::Div(pull, hn::Mul(fall, fall));
+      const FloatMask is_feasible =
+          hn::Le(hn::LoadU(tag, task.tan_masked + at), hn::Set(tag, task.tangent_max));
+      sums[v] = hn::Add(
+          sums[v], hn::IfThenElseZero(is_feasible, hn::IfThenElse(hn::Gt(cost, zero), push, pull)));
+    }
+  }
+  HWY_ALIGN float partial[kLanes];
+  for (int v = 0; v < kVectors; ++v) {
+    hn::Store(sums[v], tag, partial + v * lanes);
+  }
+  return whole_sum(partial);
 }
 
 // Sine and cosine of angles within a few turns, to 1e-6.
@@ -1020,6 +1088,7 @@ namespace {
 HWY_EXPORT(histogram_kernel);
 HWY_EXPORT(risk_kernel);
 HWY_EXPORT(cheapest_kernel);
+HWY_EXPORT(torque_kernel);
 HWY_EXPORT(forecast_kernel);
 HWY_EXPORT(rollout_kernel);
 
@@ -1044,6 +1113,8 @@ void best_rollout(RolloutTask& task, FlightScratch& scratch) {
 }
 
 int best_cheapest(const DirectionTask& task) { return HWY_DYNAMIC_DISPATCH(cheapest_kernel)(task); }
+
+float best_torque(const TorqueTask& task) { return HWY_DYNAMIC_DISPATCH(torque_kernel)(task); }
 
 }  // namespace
 
@@ -1084,11 +1155,11 @@ StepKernels step_kernels(Kernel kernel) {
   }
 #if (HWY_TARGETS & HWY_AVX2) && HWY_TARGETS != HWY_AVX2
   if (kernel == Kernel::kAvx2) {
-    return {&N_AVX2::histogram_kernel, &N_AVX2::risk_kernel, &N_AVX2::cheapest_kernel,
-            &N_AVX2::forecast_kernel, &N_AVX2::rollout_kernel};
+    return {&N_AVX2::histogram_kernel, &N_AVX2::risk_kernel,     &N_AVX2::cheapest_kernel,
+            &N_AVX2::torque_kernel,    &N_AVX2::forecast_kernel, &N_AVX2::rollout_kernel};
   }
 #endif
-  return {&best_histogram, &best_risk, &best_cheapest, &best_forecast, &best_rollout};
+  return {&best_histogram, &best_risk, &best_cheapest, &best_torque, &best_forecast, &best_rollout};
 }
 
 }  // namespace hedgehop::local_planning

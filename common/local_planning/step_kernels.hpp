@@ -114,6 +114,8 @@ struct RiskTask {
 /// Cost of each direction and the cheapest one, see cheapest_direction_rad().
 struct DirectionTask {
   const float* tan_masked = nullptr;
+  const float* tan_needed =
+      nullptr;  // by candidate: the same, or infinite for a sector that is none
   const float* risk = nullptr;
   const float* risk_weight = nullptr;
   const float* centre_rad = nullptr;  // of the sectors, in [0, 2 pi)
@@ -131,6 +133,12 @@ struct DirectionTask {
   float tangent_min = 0.0F;
   float tangent_max = 0.0F;
   float polar_share = 0.0F;
+};
+/// Sum over the sectors of what cost_torque_rad() adds up, with the other sign.
+struct TorqueTask {
+  DirectionTask costs;
+  float indicator_rad = 0.0F;  // in [0, 2 pi)
+  float inverse_width2 = 0.0F;
 };
 /// What cheapest() answers instead of a sector.
 inline constexpr int kGoalDirection = -1;
@@ -222,6 +230,7 @@ struct StepKernels {
   void (*histogram)(HistogramTask& task, HistogramScratch& scratch) = nullptr;
   void (*risk)(const RiskTask& task, HistogramScratch& scratch) = nullptr;
   int (*cheapest)(const DirectionTask& task) = nullptr;
+  float (*torque)(const TorqueTask& task) = nullptr;
   void (*forecast)(ForecastTask& task, FlightScratch& scratch) = nullptr;
   void (*rollout)(RolloutTask& task, FlightScratch& scratch) = nullptr;
 };

@@ -115,6 +115,7 @@ LocalOptions purely_local(const planning::PlanningConfig& config) {
   LocalOptions options = config.local;
   options.mode = local_planning::LocalMode::kTvfh;
   options.passes = 1;
+  options.steering = local_planning::Steering::kCheapest;
   options.semantics_weight = 0.0;
   options.visibility_weight = 0.0;
   options.weights.climb = 0.0;

@@ -74,7 +74,9 @@ TEST(LocalPlanner, StraightGuideOverLevelGroundIsFlownStraightWithoutBank) {
 }
 
 class EachHistogramMode : public ::testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(LocalPlanner, EachHistogramMode, ::testing::Values("tvfh", "vfh_3d"));
+INSTANTIATE_TEST_SUITE_P(LocalPlanner, EachHistogramMode,
+                         ::testing::Values("mode=tvfh", "mode=vfh_3d", "steering=cheapest",
+                                           "steering=openings"));
 
 TEST_P(EachHistogramMode, WallAcrossTheGuideIsFlownOverWithTheSafetyHeight) {
   // A ridge of 45 m as long as the map; the guide knows nothing of it.
@@ -83,7 +85,7 @@ TEST_P(EachHistogramMode, WallAcrossTheGuideIsFlownOverWithTheSafetyHeight) {
   });
   const std::vector<flight::Waypoint> guide{{1500, 3000, 125}, {4500, 3000, 125}};
   const auto result =
-      flown(map, guide, test::shipped_local_options(std::string("local.mode=") + GetParam()));
+      flown(map, guide, test::shipped_local_options(std::string("local.") + GetParam()));
   const Flight& flight = std::get<Flight>(result);
   EXPECT_GT(least_clearance_m(map, flight), 17.0);
   double over_ridge_m = 0.0;
@@ -102,7 +104,7 @@ TEST_P(EachHistogramMode, TowerTooSteepToFlyOverIsFlownAround) {
   });
   const std::vector<flight::Waypoint> guide{{1500, 3000, 125}, {4500, 3000, 125}};
   const auto result =
-      flown(map, guide, test::shipped_local_options(std::string("local.mode=") + GetParam()));
+      flown(map, guide, test::shipped_local_options(std::string("local.") + GetParam()));
   const Flight& flight = std::get<Flight>(result);
   EXPECT_GT(least_clearance_m(map, flight), 15.0);
   double aside_m = 0.0;
@@ -144,7 +146,12 @@ TEST(Surroundings, HardAreasAreWallsOrGroundAndHighOnesAreNothing) {
   EXPECT_EQ(around.dilated_m({645.0, 915.0}), 180.0);
 }
 
-TEST(LocalPlanner, RiskOnOneSideBendsTheFlightToTheOther) {
+class EachLateralSearch : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(LocalPlanner, EachLateralSearch,
+                         ::testing::Values("steering=torque", "steering=cheapest"));
+
+TEST_P(EachLateralSearch, RiskOnOneSideBendsTheFlightToTheOther) {
+  const LocalOptions usual = test::shipped_local_options(std::string("local.") + GetParam());
   auto map = test::make_map(200, 200, 30.0, [](double, double) { return 100.0; });
   for (int row = 0; row < 200; ++row) {
     for (int column = 0; column < 200; ++column) {
@@ -153,23 +160,26 @@ TEST(LocalPlanner, RiskOnOneSideBendsTheFlightToTheOther) {
   }
   test::finish_map(map);
   const std::vector<flight::Waypoint> guide{{1500, 3000, 130}, {4500, 3000, 130}};
-  const auto pulled = std::get<Flight>(flown(map, guide, test::shipped_local_options()));
+  const auto pulled = std::get<Flight>(flown(map, guide, usual));
   double mean_aside_m = 0.0;
   for (const FlownStep& step : pulled.steps) {
     mean_aside_m += (step.state.y_m - 3000.0) / static_cast<double>(pulled.steps.size());
   }
   EXPECT_LT(mean_aside_m, -5.0);
+  // A torque is a sum: of costs whose mean is rounded.
+  const double tolerance_m = usual.steering == Steering::kTorque ? 1e-4 : 1e-6;
   // Weight zero, and equal risk everywhere, leave the flight on the line.
-  LocalOptions options = test::shipped_local_options("local.weights.visibility=0");
+  LocalOptions options = usual;
+  options.visibility_weight = 0.0;
   const auto unweighted = std::get<Flight>(flown(map, guide, options));
   for (const FlownStep& step : unweighted.steps) {
-    ASSERT_NEAR(step.state.y_m, 3000.0, 1e-6);
+    ASSERT_NEAR(step.state.y_m, 3000.0, tolerance_m);
   }
   std::fill(map.visibility.values().begin(), map.visibility.values().end(),
             test::stored_visibility(0.7));
-  const auto uniform = std::get<Flight>(flown(map, guide, test::shipped_local_options()));
+  const auto uniform = std::get<Flight>(flown(map, guide, usual));
   for (const FlownStep& step : uniform.steps) {
-    ASSERT_NEAR(step.state.y_m, 3000.0, 1e-6);
+    ASSERT_NEAR(step.state.y_m, 3000.0, tolerance_m);
   }
 }
 
@@ -247,7 +257,8 @@ TEST(LocalPlanner, AllKernelsFlyTheSameBytes) {
   const auto guide = test::stand_in_guide(map, {{1500, 1500}, {3300, 2600}, {5000, 5000}}, 50.0,
                                           20.0, 30.0, 0.14, 15.24);
   std::vector<std::pair<std::string, LocalOptions>> modes;
-  for (const char* mode : {"local.mode=tvfh", "local.mode=rollout", "local.mode=vfh_3d"}) {
+  for (const char* mode : {"local.mode=tvfh", "local.mode=rollout", "local.mode=vfh_3d",
+                           "local.steering=cheapest", "local.steering=openings"}) {
     modes.emplace_back(mode, test::shipped_local_options(mode));
     modes.back().second.passes = modes.back().second.mode == LocalMode::kVfh3d ? 1 : 2;
   }

@@ -29,6 +29,7 @@ double remainder_angle(double angle) { return std::remainder(angle, 2.0 * kPi); 
 
 struct Oracle {
   std::vector<double> climb, mask, masked, risk, weight;
+  std::vector<int> cells;  // that count in risk and weight
   double near = kNothing;
 };
 
@@ -57,6 +58,7 @@ Oracle brute_force(const map::Map& map, const risk::CostModel& costs, const Hist
   result.mask.assign(count, kNothing);
   result.risk.assign(count, 0.0);
   result.weight.assign(count, 0.0);
+  result.cells.assign(count, 0);
   const auto tangent = [&](double n, double distance) {
     return n > 0.0 ? n / std::max(distance - o.disc_radius_m, o.near_distance_m)
                    : n / (distance + o.disc_radius_m);
@@ -84,6 +86,7 @@ Oracle brute_force(const map::Map& map, const risk::CostModel& costs, const Hist
         for (std::size_t k = 0; k < count; ++k) {
           result.risk[k] += w * risk_here;
           result.weight[k] += w;
+          ++result.cells[k];
         }
         continue;
       }
@@ -99,6 +102,7 @@ Oracle brute_force(const map::Map& map, const risk::CostModel& costs, const Hist
           result.climb[k] = std::max(result.climb[k], tangent(n, d));
           result.risk[k] += w * risk_here;
           result.weight[k] += w;
+          ++result.cells[k];
         }
       }
       const double arc_angle = 2.0 * std::fabs(delta);
@@ -161,6 +165,9 @@ TEST(PolarHistogram, EqualsTheDefinitionCellByCell) {
   // divides.
   constexpr double kRounding = 5e-5;
   constexpr double kEdge = 4e-6;
+  // Of the share of a cell: sums are whole multiples of 2^-17 at most, and 1 - (d/w)^2 is of single
+  // precision. From a cell's middle, the shares around it are alike and their errors add up.
+  constexpr double kShareRounding = 0.5 / 131072.0 + 4e-7;
   int compared = 0;
   int undecided = 0;
   int risks = 0;
@@ -225,8 +232,12 @@ TEST(PolarHistogram, EqualsTheDefinitionCellByCell) {
         expect_between(histogram.tan_mask[k], less.mask[k], more.mask[k]);
         expect_between(histogram.tan_masked[k], less.masked[k], more.masked[k]);
         if (less_risk.weight[k] == more_risk.weight[k]) {
-          EXPECT_NEAR(histogram.risk[k], less_risk.risk[k], 5e-5);
-          EXPECT_NEAR(histogram.risk_weight[k], less_risk.weight[k], 1e-3);
+          const double rounding = less_risk.cells[k] * kShareRounding;
+          EXPECT_NEAR(histogram.risk_weight[k], less_risk.weight[k], rounding);
+          if (less_risk.weight[k] > 0.0) {
+            EXPECT_NEAR(histogram.risk[k], less_risk.risk[k],
+                        1e-6 + 2.0 * (0.7 + 0.4) * rounding / less_risk.weight[k]);
+          }
           ++risks;
         }
       }
@@ -234,7 +245,8 @@ TEST(PolarHistogram, EqualsTheDefinitionCellByCell) {
   }
   EXPECT_GT(compared, 10000);
   EXPECT_GT(risks, 3000);
-  EXPECT_LT(undecided, compared / 1000);
+  // One cell on an edge leaves all sectors undecided that its mask lies before.
+  EXPECT_LT(undecided, compared / 100);
 }
 
 TEST(PolarHistogram, QuarterTurnOfTheTerrainTurnsTheHistogramByAQuarter) {
