@@ -3,7 +3,7 @@
 
   scripts/test_summary.py FOLDER   FOLDER holds `steps` (lines "passed name" or "failed name") and one
                                    JUnit file of ctest a preset (release.xml, asan.xml)
-The last line is "N passed, N failed, N skipped". Exit code 1 if anything failed or nothing ran.
+The ends of what failed tests printed stand before the counts, so that a seed or a bound is not lost. The last line is "N passed, N failed, N skipped". Exit code 1 if anything failed or nothing ran.
 """
 
 import pathlib
@@ -11,6 +11,7 @@ import re
 import sys
 import xml.etree.ElementTree
 
+LINES_OF_A_FAILURE = 30
 SKIPPED_BY = ("SKIP_REGULAR_EXPRESSION_MATCHED", "SKIP_RETURN_CODE")
 
 
@@ -24,7 +25,7 @@ def reason(output):
 
 
 def cases(path):
-    """(name, 'passed' | 'failed' | 'skipped', reason, seconds) for each test case of a JUnit file."""
+    """(name, 'passed' | 'failed' | 'skipped', reason, seconds, output) for each test case of a JUnit file."""
     text = path.read_bytes().decode("utf-8", "replace")
     # ctest writes control characters of a test's output as they are; XML does not allow them
     text = re.sub(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]", "?", text)
@@ -35,13 +36,13 @@ def cases(path):
         skipped = case.find("skipped")
         message = (skipped.get("message") or "") if skipped is not None else ""
         if status == "run":
-            yield case.get("name"), "passed", "", seconds
+            yield case.get("name"), "passed", "", seconds, output
         elif status == "disabled":
-            yield case.get("name"), "skipped", "disabled in the source", seconds
+            yield case.get("name"), "skipped", "disabled in the source", seconds, output
         elif message.startswith(SKIPPED_BY) and "[  FAILED  ]" not in output:
-            yield case.get("name"), "skipped", reason(output), seconds
+            yield case.get("name"), "skipped", reason(output), seconds, output
         else:
-            yield case.get("name"), "failed", message, seconds
+            yield case.get("name"), "failed", message, seconds, output
 
 
 def main():
@@ -50,7 +51,7 @@ def main():
         return 0 if len(sys.argv) == 2 else 2
     folder = pathlib.Path(sys.argv[1])
     count = {"passed": 0, "failed": 0, "skipped": 0}
-    failed, skipped, times = [], {}, []
+    failed, outputs, skipped, times = [], [], {}, []
     steps = folder / "steps"
     for line in steps.read_text().splitlines() if steps.exists() else []:
         result, name = line.split(maxsplit=1)
@@ -60,11 +61,12 @@ def main():
     for path in sorted(folder.glob("*.xml")):
         preset = path.stem
         own = {"passed": 0, "failed": 0, "skipped": 0}
-        for name, result, why, seconds in cases(path):
+        for name, result, why, seconds, output in cases(path):
             own[result] += 1
             times.append((seconds, f"{name} ({preset})"))
             if result == "failed":
                 failed.append(f"{name} ({preset}){': ' + why if why else ''}")
+                outputs.append((f"{name} ({preset})", output.splitlines()[-LINES_OF_A_FAILURE:]))
             elif result == "skipped":
                 skipped.setdefault(why, []).append(f"{name} ({preset})")
         print(f"{preset}: " + ", ".join(f"{number} {word}" for word, number in own.items()))
@@ -78,6 +80,10 @@ def main():
         print(f"skipped, because {why}:")
         for name in sorted(names):
             print(f"  {name}")
+    for name, lines in outputs:
+        print(f"{name} printed:")
+        for line in lines:
+            print(f"  | {line}")
     if failed:
         print("failed:")
         for name in failed:

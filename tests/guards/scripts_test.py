@@ -22,7 +22,8 @@ def run(*command, **options):
 JUNIT = """<?xml version="1.0" encoding="UTF-8"?>
 <testsuite name="s" tests="9" failures="2" disabled="1" skipped="5">
 <testcase name="good" time="0.1" status="run"><system-out>fine \x1b[0m</system-out></testcase>
-<testcase name="bad" time="0.1" status="fail"><failure message=""/><system-out>x</system-out></testcase>
+<testcase name="bad" time="0.1" status="fail"><failure message=""/><system-out>seed 7
+a.cpp:3: Failure</system-out></testcase>
 <testcase name="gone" time="0" status="notrun"><skipped message="Unable to find executable"/></testcase>
 <testcase name="gtest_skip" time="0" status="notrun"><skipped message="SKIP_REGULAR_EXPRESSION_MATCHED"/>
 <system-out>[ RUN      ] A.b
@@ -88,6 +89,9 @@ class Summary(unittest.TestCase):
         self.assertIn("skipped, because not root:", lines)
         self.assertIn("  step layers", lines)
         self.assertIn("  fails_and_skips (release): SKIP_REGULAR_EXPRESSION_MATCHED", lines)
+        at = lines.index("bad (release) printed:")
+        self.assertEqual(lines[at + 1:at + 3], ["  | seed 7", "  | a.cpp:3: Failure"])
+        self.assertNotIn("  | fine ?[0m", lines)
 
     def test_is_green_only_if_something_ran_and_nothing_failed(self):
         good = '<testsuite><testcase name="good" time="0.1" status="run"/></testsuite>'
