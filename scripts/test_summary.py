@@ -3,7 +3,8 @@
 
   scripts/test_summary.py FOLDER   FOLDER holds `steps` (lines "passed name" or "failed name") and one
                                    JUnit file of ctest a preset (release.xml, asan.xml)
-The ends of what failed tests printed stand before the counts, so that a seed or a bound is not lost. The last line is "N passed, N failed, N skipped". Exit code 1 if anything failed or nothing ran.
+The ends of what failed tests printed stand before the list of their names, so that a seed or a bound is not lost. The last line
+is "N passed, N failed, N skipped". Exit code 1 if anything failed or nothing ran.
 """
 
 import pathlib

@@ -16,16 +16,6 @@ float apart(float a_rad, float b_rad) {
   return std::min(difference_rad, kTwoPi_f - difference_rad);
 }
 
-// Adds up what was added in kLanes parts.
-float whole_sum(float (&partial)[kLanes]) {
-  for (int width = kLanes / 2; width > 0; width /= 2) {
-    for (int i = 0; i < width; ++i) {
-      partial[i] += partial[i + width];
-    }
-  }
-  return partial[0];
-}
-
 // Fills task.polar; returns its mean over the sectors with cells.
 float polar_mean(const DirectionTask& task) {
   float partial[kLanes] = {};
@@ -40,7 +30,7 @@ float polar_mean(const DirectionTask& task) {
       ++known;
     }
   }
-  return known > 0 ? whole_sum(partial) / static_cast<float>(known) : 0.0F;
+  return known > 0 ? sum_of_parts(partial) / static_cast<float>(known) : 0.0F;
 }
 
 // Cost of risk and climb in a direction of sector k.
@@ -143,7 +133,7 @@ float plain_torque(const TorqueTask& turn) {
     const float pull = cost * off_rad;
     partial[k % kLanes] += cost > 0.0F ? pull / (fall * fall) : pull;
   }
-  return whole_sum(partial);
+  return sum_of_parts(partial);
 }
 
 std::vector<float> direction_costs(const PolarHistogram& histogram, const Sectors& sectors,

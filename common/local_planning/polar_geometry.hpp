@@ -56,6 +56,16 @@ inline constexpr int kLanes = 16;
 
 constexpr int padded_to_lanes(int count) { return (count + kLanes - 1) / kLanes * kLanes; }
 
+/// The sum of what was summed in kLanes parts, always in the same order; overwrites them.
+inline float sum_of_parts(float (&parts)[kLanes]) {
+  for (int width = kLanes / 2; width > 0; width /= 2) {
+    for (int i = 0; i < width; ++i) {
+      parts[i] += parts[i + width];
+    }
+  }
+  return parts[0];
+}
+
 /// The cell and the part of it that hold a place.
 struct Viewpoint {
   int column = 0;

@@ -476,31 +476,32 @@ HWY_INLINE Floats apart(Floats a, Floats b) {
   return hn::Min(difference, hn::Sub(hn::Set(tag, kTwoPi_f), difference));
 }
 
-// Adds up what was added in kLanes parts.
-HWY_INLINE float whole_sum(float* HWY_RESTRICT partial) {
-  for (int width = kLanes / 2; width > 0; width /= 2) {
-    for (int i = 0; i < width; ++i) {
-      partial[i] += partial[i + width];
-    }
+constexpr int kVectorsOfLanes = static_cast<int>(kLanes / hn::MaxLanes(FloatTag()));
+
+// What was summed in kLanes parts.
+HWY_INLINE float whole_sum(const Floats (&sums)[kVectorsOfLanes]) {
+  const FloatTag tag;
+  HWY_ALIGN float parts[kLanes];
+  for (int v = 0; v < kVectorsOfLanes; ++v) {
+    hn::Store(sums[v], tag, parts + static_cast<std::size_t>(v) * hn::Lanes(tag));
   }
-  return partial[0];
+  return sum_of_parts(parts);
 }
 
 // Fills task.polar; returns its mean over the sectors with cells.
 HWY_INLINE float mean_polar(const DirectionTask& task) {
   const FloatTag tag;
-  constexpr int kVectors = static_cast<int>(kLanes / hn::MaxLanes(FloatTag()));
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const int padded = padded_to_lanes(task.sectors);
   const Floats zero = hn::Zero(tag);
-  Floats sums[kVectors];
+  Floats sums[kVectorsOfLanes];
   std::size_t known = 0;
-  for (int v = 0; v < kVectors; ++v) {
+  for (int v = 0; v < kVectorsOfLanes; ++v) {
     sums[v] = zero;
   }
   for (int k = 0; k < padded; k += kLanes) {
 #pragma GCC unroll 4
-    for (int v = 0; v < kVectors; ++v) {
+    for (int v = 0; v < kVectorsOfLanes; ++v) {
       const int at = k + v * lanes;
       const Floats tangent =
           hn::Min(hn::Max(hn::LoadU(tag, task.tan_masked + at), hn::Set(tag, task.tangent_min)),
@@ -515,11 +516,7 @@ HWY_INLINE float mean_polar(const DirectionTask& task) {
       hn::StoreU(polar, tag, task.polar + at);
     }
   }
-  HWY_ALIGN float partial[kLanes];
-  for (int v = 0; v < kVectors; ++v) {
-    hn::Store(sums[v], tag, partial + v * lanes);
-  }
-  return known > 0 ? whole_sum(partial) / static_cast<float>(known) : 0.0F;
+  return known > 0 ? whole_sum(sums) / static_cast<float>(known) : 0.0F;
 }
 
 // Costs of risk and climb so far off the heading.
@@ -592,7 +589,6 @@ int cheapest_kernel(const DirectionTask& task) {
 float torque_kernel(const TorqueTask& turn) {
   const DirectionTask& task = turn.costs;
   const FloatTag tag;
-  constexpr int kVectors = static_cast<int>(kLanes / hn::MaxLanes(FloatTag()));
   const int lanes = static_cast<int>(hn::Lanes(tag));
   const int padded = padded_to_lanes(task.sectors);
   const Floats zero = hn::Zero(tag);
@@ -601,13 +597,13 @@ float torque_kernel(const TorqueTask& turn) {
   const Floats heading = hn::Set(tag, task.heading_rad);
   const Floats indicator = hn::Set(tag, turn.indicator_rad);
   const Floats inverse_width2 = hn::Set(tag, turn.inverse_width2);
-  Floats sums[kVectors];
-  for (int v = 0; v < kVectors; ++v) {
+  Floats sums[kVectorsOfLanes];
+  for (int v = 0; v < kVectorsOfLanes; ++v) {
     sums[v] = zero;
   }
   for (int k = 0; k < padded; k += kLanes) {
 #pragma GCC unroll 4
-    for (int v = 0; v < kVectors; ++v) {
+    for (int v = 0; v < kVectorsOfLanes; ++v) {
       const int at = k + v * lanes;
       const Floats centre = hn::LoadU(tag, task.centre_rad + at);
       const Floats cost = polar_costs.at(apart(centre, heading), hn::LoadU(tag, task.polar + at),
@@ -626,11 +622,7 @@ float torque_kernel(const TorqueTask& turn) {
           sums[v], hn::IfThenElseZero(is_feasible, hn::IfThenElse(hn::Gt(cost, zero), push, pull)));
     }
   }
-  HWY_ALIGN float partial[kLanes];
-  for (int v = 0; v < kVectors; ++v) {
-    hn::Store(sums[v], tag, partial + v * lanes);
-  }
-  return whole_sum(partial);
+  return whole_sum(sums);
 }
 
 // Sine and cosine of angles within a few turns, to 1e-6.

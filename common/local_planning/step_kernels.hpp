@@ -114,8 +114,7 @@ struct RiskTask {
 /// Cost of each direction and the cheapest one, see cheapest_direction_rad().
 struct DirectionTask {
   const float* tan_masked = nullptr;
-  const float* tan_needed =
-      nullptr;  // by candidate: the same, or infinite for a sector that is none
+  const float* tan_needed = nullptr;  // the same, or infinite for a sector that is no candidate
   const float* risk = nullptr;
   const float* risk_weight = nullptr;
   const float* centre_rad = nullptr;  // of the sectors, in [0, 2 pi)
@@ -134,15 +133,16 @@ struct DirectionTask {
   float tangent_max = 0.0F;
   float polar_share = 0.0F;
 };
-/// Sum over the sectors of what cost_torque_rad() adds up, with the other sign.
-struct TorqueTask {
-  DirectionTask costs;
-  float indicator_rad = 0.0F;  // in [0, 2 pi)
-  float inverse_width2 = 0.0F;
-};
 /// What cheapest() answers instead of a sector.
 inline constexpr int kGoalDirection = -1;
 inline constexpr int kNoDirection = -2;
+
+/// Sum over the sectors of what cost_torque_rad() adds up, with the other sign.
+struct TorqueTask {
+  DirectionTask costs;
+  float indicator_rad = 0.0F;   // in [0, 2 pi)
+  float inverse_width2 = 0.0F;  // 1 / s^2
+};
 
 /// The flight of the next seconds and the climb rate that it needs, see
 /// ClimbForecast.
