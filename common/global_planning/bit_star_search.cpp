@@ -96,7 +96,7 @@ void BitStarSearch::step_bounds() {
       return to_goal_bound_->corner_cost_m(column, row + above) +
              from_start_bound_->corner_cost_m(column, row + above);
     };
-    // Bilinear between the corners, hence least in one of them.
+    // Linear over triangles between the corners, hence least in one of them.
     for (int column = 0; column < geometry.columns; ++column) {
       through_m_.push_back(static_cast<float>(
           std::min({at(column, 0), at(column + 1, 0), at(column, 1), at(column + 1, 1)}) *

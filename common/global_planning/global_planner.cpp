@@ -357,9 +357,7 @@ std::variant<flight::Route, NoPlan> plan_leg(const risk::CostModel& costs,
              return observer.stop_requested();
            });
   }
-  lower_bound_m =
-      std::max(lower_bound_m, CostBound(envelope, problem.goal.point(), problem.start.point())
-                                  .cost_m(problem.start.point()));
+  lower_bound_m = std::max(lower_bound_m, least_cost_m(envelope));
   cut_short(envelope, options.final_check_step_m, budget, route.work_units, route.waypoints);
   route.guide = equidistant(route.waypoints, options.guide_spacing_m, route.guide_spacing_m);
   route.cost = costs.route_cost(route.waypoints, kCostStep_m);

@@ -48,10 +48,7 @@ std::variant<flight::Route, flight::NoPlan> LegGround::plan(const risk::CostMode
   route.guide = equidistant(route.waypoints, options_.guide_spacing_m, route.guide_spacing_m);
   route.cost = costs.route_cost(route.waypoints, kCostStep_m);
   if (is_refined) {
-    route.lower_bound_m =
-        std::min(CostBound(envelope, problem_.goal.point(), problem_.start.point())
-                     .cost_m(problem_.start.point()),
-                 route.cost.total_m());
+    route.lower_bound_m = std::min(least_cost_m(envelope), route.cost.total_m());
   }
   return route;
 }

@@ -47,6 +47,8 @@ TEST(CostBound, IsNearlyTheStraightLineWhereEveryMetreCostsTheSame) {
     const CostBound bound(envelope, goal.point(), start.point());
     EXPECT_LE(bound.cost_m(start.point()), 3800.0 * density) << angle_deg;
     EXPECT_GE(bound.cost_m(start.point()), 0.97 * 3800.0 * density) << angle_deg;
+    EXPECT_LE(least_cost_m(envelope), 3800.0 * density) << angle_deg;
+    EXPECT_GE(least_cost_m(envelope), 0.98 * 3800.0 * density) << angle_deg;
     EXPECT_EQ(bound.cost_m(goal.point()), 0.0);
   }
 }
@@ -148,6 +150,9 @@ TEST(CostBound, IsBelowTheCheapestWayThroughRandomFieldsAndNearIt) {
         start.point(), goal.point());
     EXPECT_LE(bound.cost_m(start.point()), best_m) << "patch " << patch;
     EXPECT_GE(bound.cost_m(start.point()), (patch == 1 ? 0.6 : 0.75) * best_m) << "patch " << patch;
+    // From both ends it is nearer.
+    EXPECT_LE(least_cost_m(envelope), best_m) << "patch " << patch;
+    EXPECT_GE(least_cost_m(envelope), (patch == 1 ? 0.8 : 0.9) * best_m) << "patch " << patch;
   }
 }
 
@@ -165,7 +170,7 @@ TEST(CostBound, WorksUpToTheEdgeOfTheMap) {
   EXPECT_EQ(bound.cost_m({-1.0, 20.0}), 0.0);
 }
 
-TEST(CostBound, BetweenTheCornersOfACellItIsBilinear) {
+TEST(CostBound, OverEachTriangleOfACellItIsLinear) {
   const auto seed = test::fresh_seed();
   const PlanningCase in(test::make_fractal_map(seed, 60, 30.0, 1000.0, 60.0), kShipped);
   const GlobalOptions options = test::shipped_global_options();
@@ -178,12 +183,23 @@ TEST(CostBound, BetweenTheCornersOfACellItIsBilinear) {
   for (int round = 0; round < 200; ++round) {
     const int column = static_cast<int>(share(random) * 59.99);
     const int row = static_cast<int>(share(random) * 59.99);
-    const double u = share(random);
-    const double v = share(random);
-    const double expected_m = (1.0 - v) * ((1.0 - u) * bound.corner_cost_m(column, row) +
-                                           u * bound.corner_cost_m(column + 1, row)) +
-                              v * ((1.0 - u) * bound.corner_cost_m(column, row + 1) +
-                                   u * bound.corner_cost_m(column + 1, row + 1));
+    // Some place of the triangle with its right angle in one corner, by shares of its sides there.
+    double along_x = share(random);
+    double along_y = share(random);
+    if (along_x + along_y > 1.0) {
+      along_x = 1.0 - along_x;
+      along_y = 1.0 - along_y;
+    }
+    const bool is_east = round % 2 == 0;
+    const bool is_north = ((column + row) % 2 == 0) == is_east;
+    const auto corner_m = [&](bool east, bool north) {
+      return bound.corner_cost_m(column + (east ? 1 : 0), row + (north ? 1 : 0));
+    };
+    const double expected_m = (1.0 - along_x - along_y) * corner_m(is_east, is_north) +
+                              along_x * corner_m(!is_east, is_north) +
+                              along_y * corner_m(is_east, !is_north);
+    const double u = is_east ? 1.0 - along_x : along_x;
+    const double v = is_north ? 1.0 - along_y : along_y;
     EXPECT_NEAR(bound.cost_m({30.0 * (column + u), 30.0 * (row + v)}), expected_m,
                 1e-6 * (1.0 + expected_m));
   }
@@ -240,6 +256,8 @@ TEST(CostBound, NoPartOfAnyRouteCostsLessThanItsDifference) {
     const double whole_m = in.costs.route_cost(route->waypoints, 0.5).total_m();
     EXPECT_LE(bound.cost_m(start.point()), whole_m * (1.0 + 1e-3));
     EXPECT_GE(route->lower_bound_m, flight::length_m({start, goal}) * 0.999);
+    EXPECT_LE(least_cost_m(envelope), whole_m * (1.0 + 1e-3));
+    EXPECT_GE(least_cost_m(envelope), bound.cost_m(start.point()));
     // And so for what is left from each waypoint on.
     for (std::size_t i = 1; i + 1 < route->waypoints.size(); ++i) {
       const std::vector<flight::Waypoint> rest(
