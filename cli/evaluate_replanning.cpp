@@ -21,6 +21,10 @@ struct Arguments {
   PlanningArguments planning;
 };
 
+void print_spread(const char* name, const evaluation::Spread& spread) {
+  std::printf("%-34s %9.3f %9.3f %9.3f\n", name, spread.median, spread.p95, spread.max);
+}
+
 void print(const evaluation::ReplanningResult& result) {
   using evaluation::ReplanningEvent;
   const auto row = [&](const char* name, double scale, const auto& value) {
@@ -29,7 +33,7 @@ void print(const evaluation::ReplanningResult& result) {
       values.push_back(scale * value(event));
     }
     const evaluation::Spread spread = evaluation::spread_of(values);
-    std::printf("%-34s %9.3f %9.3f %9.3f\n", name, spread.median, spread.p95, spread.max);
+    print_spread(name, spread);
   };
   const auto count = [&](const auto& is) {
     return static_cast<long long>(std::count_if(result.events.begin(), result.events.end(), is));
@@ -39,6 +43,7 @@ void print(const evaluation::ReplanningResult& result) {
               count([](const ReplanningEvent& event) { return event.is_valid; }),
               count([](const ReplanningEvent& event) { return event.is_cold; }));
   std::printf("%-34s %9s %9s %9s\n", "", "median", "95 %", "greatest");
+  print_spread("prepared, processor time [s]", evaluation::spread_of(result.prepare_s));
   row("warm, processor time [ms]", 1e3, [](const ReplanningEvent& e) { return e.warm_s; });
   row("cold, processor time [ms]", 1e3, [](const ReplanningEvent& e) { return e.cold_s; });
   row("cost over its own polish", 1.0,

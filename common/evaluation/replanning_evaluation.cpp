@@ -253,7 +253,9 @@ ReplanningResult evaluate_replanning(const map::Map& map, const planning::Planni
         ++result.routes_not_found;
         continue;
       }
+      const double before_s = clock();
       const global_planning::WarmPlanner planned(costs, config.global, problem, route->waypoints);
+      result.prepare_s.push_back(clock() - before_s);
       result.blocks = static_cast<std::int64_t>(planned.field().block_count());
       for (std::int64_t k = 0; k < options.events_per_route &&
                                static_cast<std::int64_t>(result.events.size()) < options.events;
@@ -293,6 +295,7 @@ std::string replanning_json(const ReplanningResult& result, const MachineRecord&
   const auto number = [&](const auto& is) {
     return std::count_if(result.events.begin(), result.events.end(), is);
   };
+  const Spread prepared = spread_of(result.prepare_s);
   Json json;
   json["schema"] = "hedgehop evaluate replanning";
   json["schema_version"] = 1;
@@ -305,6 +308,7 @@ std::string replanning_json(const ReplanningResult& result, const MachineRecord&
   json["routes_not_found"] = result.routes_not_found;
   json["valid"] = number([](const ReplanningEvent& event) { return event.is_valid; });
   json["planned_anew"] = number([](const ReplanningEvent& event) { return event.is_cold; });
+  json["prepare_s"] = {{"median", prepared.median}, {"p95", prepared.p95}, {"max", prepared.max}};
   json["warm_s"] = spread([](const ReplanningEvent& event) { return event.warm_s; });
   json["cold_s"] = spread([](const ReplanningEvent& event) { return event.cold_s; });
   json["warm_over_cold_time"] =

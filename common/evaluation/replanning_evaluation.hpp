@@ -55,13 +55,15 @@ struct ReplanningResult {
   std::int64_t blocks = 0;            // of the whole field
   std::int64_t routes_not_found = 0;  // drawn problems without a first route
   bool is_stopped = false;
+  std::vector<double> prepare_s;  // processor time of each route's warm planner, before events
   std::vector<ReplanningEvent> events;
 };
 
 /// Plans drawn problems, then each several times again: the aircraft has flown part of the route,
 /// and a threat appears on what lies ahead.
 ///
-/// One thread. The warm time begins when the map's layer has changed and ends with the route; the
+/// One thread. What the warm planner works out beforehand, while the old route is flown, counts by
+/// itself. The warm time begins when the map's layer has changed and ends with the route; the
 /// cold one is that of plan_leg() with a cost model that is ready. Polished is what refine() makes
 /// of the warm route in the end, so it has the same course. Throws DataError if the map is too
 /// small, Interrupted if the observer says so before the first event is done.

@@ -1,30 +1,23 @@
 #include "global_planning/lattice_search.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <deque>
 #include <limits>
-#include <numbers>
 #include <optional>
 
-#include "base/elementary.hpp"
 #include "global_planning/cost_field.hpp"
+#include "global_planning/lattice.hpp"
 #include "global_planning/lattice_directions.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kTurnMax_rad = 0.46364760900080609;  // between (1, 0) and (2, 1)
 // The band is sampled this densely; the profile is exact afterwards.
 constexpr double kStep_m = 15.0;
 // First and last leg, where there is no spare for what lies between the samples; they are sampled
 // on each crest too.
 constexpr double kEndStep_m = 2.5;
-// A label is as good as another whose interval is smaller by this at either end.
-constexpr double kIntervalTolerance_m = 3.0;
-constexpr int kLabelsMax = 6;  // of one node and direction
 constexpr double kEndLegMax_m = 600.0;
 // Detours stay this near to the box around both ends, and half of its longer side more.
 constexpr double kAsideMin_m = 20000.0;
@@ -37,55 +30,6 @@ constexpr std::int64_t kStopInterval = 256;
 // The search from the start is alone, and in no hurry, for so long; most problems need less.
 constexpr std::int64_t kAloneWork = 60000;
 
-struct Label {
-  double cost_m;
-  float low_m, high_m;
-  float owed_m;  // see FlightEnvelope::Arrival
-  std::int32_t column, row;
-  std::int32_t before;      // label, -1: start
-  std::int32_t next;        // label of the same node and direction
-  double run_x_m, run_y_m;  // straight leg so far
-  std::int8_t direction;    // -1: none of the sixteen
-};
-
-struct Entry {
-  double key_m;
-  std::int32_t label;
-};
-constexpr auto kIsLater = [](const Entry& a, const Entry& b) {
-  return a.key_m != b.key_m ? a.key_m > b.key_m : a.label > b.label;
-};
-
-/// The newest label of each node and direction; -1: none. Memory only for squares of nodes that the
-/// search comes to.
-class NewestLabels {
- public:
-  void resize(int columns, int rows) {
-    squares_wide_ = (columns + kSide - 1) / kSide;
-    squares_.assign(static_cast<std::size_t>(squares_wide_) *
-                        static_cast<std::size_t>((rows + kSide - 1) / kSide),
-                    -1);
-  }
-  std::int32_t& at(int column, int row, int direction) {
-    std::int32_t& square =
-        squares_[static_cast<std::size_t>((row / kSide) * squares_wide_ + column / kSide)];
-    if (square < 0) {
-      square = static_cast<std::int32_t>(labels_.size());
-      labels_.emplace_back().fill(-1);
-    }
-    return labels_[static_cast<std::size_t>(square)][static_cast<std::size_t>(
-        ((row % kSide) * kSide + column % kSide) * kLatticeDirections + direction)];
-  }
-
- private:
-  static constexpr int kSide = 8;
-
-  int squares_wide_ = 0;
-  std::vector<std::int32_t> squares_;  // index in labels_
-  std::deque<std::array<std::int32_t, static_cast<std::size_t>(kSide* kSide* kLatticeDirections)>>
-      labels_;
-};
-
 class Search {
  public:
   Search(const FlightEnvelope& envelope, const GlobalOptions& options, const LatticeSpare& spare,
@@ -97,7 +41,9 @@ class Search {
         to_(to),
         is_backward_(is_backward),
         part_(part),
-        field_(field) {
+        field_(field),
+        lattice_(lattice_around(envelope, options, from, to, is_backward, part)),
+        newest_(lattice_.columns(), lattice_.rows()) {
     if (part_ != nullptr) {
       inflation_ = kPartInflation;
       beyond_m_ = field->cost_m(to.point());
@@ -105,42 +51,6 @@ class Search {
     if (field_ == nullptr) {
       own_field_.emplace(envelope, to.point(), options.field_block_m);
     }
-    const raster::GridGeometry& geometry = envelope.geometry();
-    const double turn_tangent = elementary::tan(0.5 * kTurnMax_rad);
-    spacing_m_ = std::max(options.turn_radius_m * turn_tangent * 1.001, 2.0 * geometry.cell_m);
-    // Legs beside a corner hold the tangents of its arc.
-    const double unit_tangent = 2.0 * turn_tangent;
-    const double knight_tangent =
-        2.0 * elementary::tan(0.5 * (0.25 * std::numbers::pi - kTurnMax_rad));
-    const TurnLimit turns = options.turns();
-    for (int d = 0; d < kLatticeDirections; ++d) {
-      const auto& step = kLatticeStep[static_cast<std::size_t>(d)];
-      const double length_m =
-          spacing_m_ * std::sqrt(static_cast<double>(step[0] * step[0] + step[1] * step[1]));
-      const auto radius_beside_m = [&](int turned) {
-        const auto& other = kLatticeStep[static_cast<std::size_t>((d + turned) & 15)];
-        const double way = is_backward ? -1.0 : 1.0;
-        return turns.radius_m(way * step[0], way * step[1], way * other[0], way * other[1]);
-      };
-      const double radius_m = std::max(radius_beside_m(1), radius_beside_m(kLatticeDirections - 1));
-      const double needed_m = radius_m * (d % 4 == 2 ? knight_tangent : unit_tangent);
-      repeats_[static_cast<std::size_t>(d)] =
-          std::max(1, static_cast<int>(std::ceil(needed_m / length_m)));
-    }
-    // Of a large map, what lies around both ends.
-    const double aside_m = part_ != nullptr
-                               ? part_->aside_m
-                               : kAsideMin_m + 0.5 * std::max(std::fabs(to.x_m - from.x_m),
-                                                              std::fabs(to.y_m - from.y_m));
-    const double west_m = std::max(geometry.west_m, std::min(from.x_m, to.x_m) - aside_m);
-    const double south_m = std::max(geometry.south_m, std::min(from.y_m, to.y_m) - aside_m);
-    const double east_m = std::min(geometry.east_m(), std::max(from.x_m, to.x_m) + aside_m);
-    const double north_m = std::min(geometry.north_m(), std::max(from.y_m, to.y_m) + aside_m);
-    west_ = static_cast<int>(std::floor((from.x_m - west_m) / spacing_m_));
-    south_ = static_cast<int>(std::floor((from.y_m - south_m) / spacing_m_));
-    columns_ = west_ + 1 + static_cast<int>(std::floor((east_m - from.x_m) / spacing_m_));
-    rows_ = south_ + 1 + static_cast<int>(std::floor((north_m - from.y_m) / spacing_m_));
-    newest_.resize(columns_, rows_);
   }
 
   /// Goes on until `work_units` in total, the first track, nothing left, or `should_stop`.
@@ -160,9 +70,9 @@ class Search {
         hurry();
       }
       std::pop_heap(queue_.begin(), queue_.end(), kIsLater);
-      const Entry entry = queue_.back();
+      const LatticeEntry entry = queue_.back();
       queue_.pop_back();
-      const Label label = labels_[static_cast<std::size_t>(entry.label)];
+      const LatticeLabel label = labels_[static_cast<std::size_t>(entry.label)];
       if (label.direction == kGoalMark) {
         finish(entry.label);
         return;
@@ -180,18 +90,34 @@ class Search {
  private:
   static constexpr std::int8_t kGoalMark = 100;
 
+  // Of a large map, what lies around both ends.
+  static Lattice lattice_around(const FlightEnvelope& envelope, const GlobalOptions& options,
+                                const flight::Waypoint& from, const flight::Waypoint& to,
+                                bool is_backward, const LatticePart* part) {
+    const double aside_m = part != nullptr
+                               ? part->aside_m
+                               : kAsideMin_m + 0.5 * std::max(std::fabs(to.x_m - from.x_m),
+                                                              std::fabs(to.y_m - from.y_m));
+    return {envelope.geometry(),
+            options,
+            from.point(),
+            {std::min(from.x_m, to.x_m) - aside_m, std::min(from.y_m, to.y_m) - aside_m},
+            {std::max(from.x_m, to.x_m) + aside_m, std::max(from.y_m, to.y_m) + aside_m},
+            is_backward};
+  }
+
   [[nodiscard]] geo::MapPoint place(int column, int row) const {
-    return {from_.x_m + (column - west_) * spacing_m_, from_.y_m + (row - south_) * spacing_m_};
+    return lattice_.place(column, row);
   }
 
   // Between the run so far and the next one, as it is flown.
-  [[nodiscard]] bool is_turn_allowed(const Label& from, double x_m, double y_m) const {
+  [[nodiscard]] bool is_turn_allowed(const LatticeLabel& from, double x_m, double y_m) const {
     return is_backward_ ? envelope_.is_turn_allowed(-x_m, -y_m, -from.run_x_m, -from.run_y_m)
                         : envelope_.is_turn_allowed(from.run_x_m, from.run_y_m, x_m, y_m);
   }
 
-  FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b, const Label& from,
-                                 bool is_end_leg) {
+  FlightEnvelope::Arrival follow(const geo::MapPoint& a, const geo::MapPoint& b,
+                                 const LatticeLabel& from, bool is_end_leg) {
     ++work_units_;
     return envelope_.follow(a, b,
                             {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
@@ -200,21 +126,20 @@ class Search {
                             static_cast<double>(from.owed_m));
   }
 
-  void push(const Label& label, double key_m) {
-    labels_.push_back(label);
+  void queue_last(double key_m) {
     queue_.push_back({key_m, static_cast<std::int32_t>(labels_.size() - 1)});
     std::push_heap(queue_.begin(), queue_.end(), kIsLater);
   }
 
-  [[nodiscard]] double key_m(const Label& label, double onwards_m) const {
+  [[nodiscard]] double key_m(const LatticeLabel& label, double onwards_m) const {
     return label.cost_m + inflation_ * onwards_m;
   }
 
   void hurry() {
     is_hurried_ = true;
     inflation_ = std::max(inflation_, kHurriedInflation);
-    for (Entry& entry : queue_) {
-      const Label& label = labels_[static_cast<std::size_t>(entry.label)];
+    for (LatticeEntry& entry : queue_) {
+      const LatticeLabel& label = labels_[static_cast<std::size_t>(entry.label)];
       if (label.direction != kGoalMark) {
         entry.key_m = key_m(label, ahead_m(place(label.column, label.row)));
       }
@@ -287,22 +212,24 @@ class Search {
     if (!altitudes.is_flyable()) {
       return;
     }
-    const Label start{0.0,
-                      static_cast<float>(altitudes.low_m),
-                      static_cast<float>(altitudes.high_m),
-                      0.0F,
-                      west_,
-                      south_,
-                      -1,
-                      -1,
-                      0.0,
-                      0.0,
-                      -1};
+    const LatticeLabel start{0.0,
+                             static_cast<float>(altitudes.low_m),
+                             static_cast<float>(altitudes.high_m),
+                             0.0F,
+                             lattice_.origin_column(),
+                             lattice_.origin_row(),
+                             -1,
+                             -1,
+                             0.0,
+                             0.0,
+                             -1};
     labels_.push_back(start);
-    const int reach = static_cast<int>(kEndLegMax_m / spacing_m_);
-    for (int row = south_ - reach; row <= south_ + reach; ++row) {
-      for (int column = west_ - reach; column <= west_ + reach; ++column) {
-        if (column == west_ && row == south_) {
+    const int west = lattice_.origin_column();
+    const int south = lattice_.origin_row();
+    const int reach = static_cast<int>(kEndLegMax_m / lattice_.spacing_m());
+    for (int row = south - reach; row <= south + reach; ++row) {
+      for (int column = west - reach; column <= west + reach; ++column) {
+        if (column == west && row == south) {
           continue;
         }
         step(0, start, column, row, -1);
@@ -311,27 +238,21 @@ class Search {
     try_goal(0, start);
   }
 
-  void expand(std::int32_t index, const Label& label) {
+  void expand(std::int32_t index, const LatticeLabel& label) {
     if (label.direction >= 0) {
       const auto& onwards = kLatticeStep[static_cast<std::size_t>(label.direction)];
       step(index, label, label.column + onwards[0], label.row + onwards[1], label.direction);
     }
-    const int from = label.direction >= 0 ? label.direction - 1 : 0;
-    const int to = label.direction >= 0 ? label.direction + 1 : kLatticeDirections - 1;
-    for (int turned = from; turned <= to; ++turned) {
-      if (turned == label.direction) {
-        continue;
-      }
-      const int d = (turned + kLatticeDirections) % kLatticeDirections;
-      const int times = repeats_[static_cast<std::size_t>(d)];
-      step(index, label, label.column + times * kLatticeStep[static_cast<std::size_t>(d)][0],
-           label.row + times * kLatticeStep[static_cast<std::size_t>(d)][1], d);
-    }
+    for_each_turn(label.direction, [&](int d) {
+      const auto& turned = kLatticeStep[static_cast<std::size_t>(d)];
+      const int times = lattice_.repeats(d);
+      step(index, label, label.column + times * turned[0], label.row + times * turned[1], d);
+    });
     try_goal(index, label);
   }
 
-  void step(std::int32_t index, const Label& from, int column, int row, int direction) {
-    if (column < 0 || column >= columns_ || row < 0 || row >= rows_) {
+  void step(std::int32_t index, const LatticeLabel& from, int column, int row, int direction) {
+    if (!lattice_.contains(column, row)) {
       return;
     }
     const geo::MapPoint a = place(from.column, from.row);
@@ -352,52 +273,34 @@ class Search {
     if (!(onwards_m < kInfinity)) {
       return;
     }
-    std::int32_t* chain = nullptr;
-    if (direction >= 0) {
-      chain = &newest_.at(column, row, direction);
-    }
     const FlightEnvelope::Arrival arrival =
         follow(a, b, from, from.before < 0 && is_own_end(from_));
     if (!arrival.altitudes.is_flyable()) {
       return;
     }
-    Label label{from.cost_m + arrival.cost_m,
-                static_cast<float>(arrival.altitudes.low_m),
-                static_cast<float>(arrival.altitudes.high_m),
-                static_cast<float>(arrival.owed_m),
-                column,
-                row,
-                index,
-                -1,
-                run_x_m,
-                run_y_m,
-                static_cast<std::int8_t>(direction)};
+    const LatticeLabel label{from.cost_m + arrival.cost_m,
+                             static_cast<float>(arrival.altitudes.low_m),
+                             static_cast<float>(arrival.altitudes.high_m),
+                             static_cast<float>(arrival.owed_m),
+                             column,
+                             row,
+                             index,
+                             -1,
+                             run_x_m,
+                             run_y_m,
+                             static_cast<std::int8_t>(direction)};
     if (!(label.low_m <= label.high_m)) {
       return;
     }
-    if (chain != nullptr) {
-      int count = 0;
-      for (std::int32_t at = *chain; at >= 0; at = labels_[static_cast<std::size_t>(at)].next) {
-        const Label& other = labels_[static_cast<std::size_t>(at)];
-        if (other.cost_m <= label.cost_m &&
-            static_cast<double>(other.low_m) <=
-                static_cast<double>(label.low_m) + kIntervalTolerance_m &&
-            static_cast<double>(other.high_m) >=
-                static_cast<double>(label.high_m) - kIntervalTolerance_m) {
-          return;
-        }
-        ++count;
-      }
-      if (count >= kLabelsMax) {
-        return;
-      }
-      label.next = *chain;
-      *chain = static_cast<std::int32_t>(labels_.size());
+    if (direction < 0) {
+      labels_.push_back(label);
+    } else if (!add_label(labels_, newest_.at(column, row, direction), label)) {
+      return;
     }
-    push(label, key_m(label, onwards_m));
+    queue_last(key_m(label, onwards_m));
   }
 
-  void try_goal(std::int32_t index, const Label& from) {
+  void try_goal(std::int32_t index, const LatticeLabel& from) {
     const geo::MapPoint a = place(from.column, from.row);
     const geo::MapPoint b = to_.point();
     const double dx_m = b.x_m - a.x_m;
@@ -409,11 +312,12 @@ class Search {
     }
     const FlightEnvelope::Arrival arrival = follow(a, b, from, is_own_end(to_));
     if (may_end_at(arrival.altitudes)) {
-      Label label = from;
+      LatticeLabel label = from;
       label.before = index;
       label.direction = kGoalMark;
       label.cost_m = from.cost_m + arrival.cost_m;
-      push(label, label.cost_m);
+      labels_.push_back(label);
+      queue_last(label.cost_m);
     }
   }
 
@@ -422,25 +326,11 @@ class Search {
     std::vector<geo::MapPoint> points = {to_.point()};
     for (std::int32_t at = labels_[static_cast<std::size_t>(goal)].before; at >= 0;
          at = labels_[static_cast<std::size_t>(at)].before) {
-      const Label& label = labels_[static_cast<std::size_t>(at)];
+      const LatticeLabel& label = labels_[static_cast<std::size_t>(at)];
       points.push_back(place(label.column, label.row));
     }
     std::reverse(points.begin(), points.end());
-    // Nodes on a straight run are no corners.
-    for (const geo::MapPoint& point : points) {
-      std::vector<geo::MapPoint>& track = track_;
-      if (track.size() >= 2) {
-        const geo::MapPoint& a = track[track.size() - 2];
-        const geo::MapPoint& b = track.back();
-        const double cross =
-            (b.x_m - a.x_m) * (point.y_m - b.y_m) - (b.y_m - a.y_m) * (point.x_m - b.x_m);
-        if (std::fabs(cross) <= 1e-6 * spacing_m_ * spacing_m_ &&
-            (b.x_m - a.x_m) * (point.x_m - b.x_m) + (b.y_m - a.y_m) * (point.y_m - b.y_m) > 0.0) {
-          track.pop_back();
-        }
-      }
-      track.push_back(point);
-    }
+    track_ = lattice_corners(points, lattice_.spacing_m());
   }
 
   const FlightEnvelope& envelope_;
@@ -452,15 +342,10 @@ class Search {
   double beyond_m_ = 0.0;    // of a part: from `to` to the goal
   const CostField* field_;   // null: own_field_
   std::optional<CostField> own_field_;
-  double spacing_m_ = 0.0;
-  std::array<int, kLatticeDirections> repeats_{};
-  int west_ = 0;   // column of the start
-  int south_ = 0;  // its row
-  int columns_ = 0;
-  int rows_ = 0;
+  Lattice lattice_;
   NewestLabels newest_;
-  std::vector<Label> labels_;
-  std::vector<Entry> queue_;
+  std::vector<LatticeLabel> labels_;
+  std::vector<LatticeEntry> queue_;
   std::vector<geo::MapPoint> track_;
   double cost_m_ = kInfinity;
   std::int64_t work_units_ = 0;

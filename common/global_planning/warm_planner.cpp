@@ -6,12 +6,12 @@
 #include <optional>
 #include <utility>
 
-#include "global_planning/detour.hpp"
 #include "global_planning/lattice_route.hpp"
 #include "global_planning/lattice_search.hpp"
 #include "global_planning/low_corridor.hpp"
 #include "global_planning/route_finish.hpp"
 #include "global_planning/track_profile.hpp"
+#include "global_planning/way_around.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
@@ -35,10 +35,13 @@ constexpr std::array<Pass, 4> kPasses = {
 constexpr double kGainMin = 0.002;  // for a pass to be repeated
 constexpr std::int64_t kLatticeWork = 150'000;
 constexpr std::int64_t kPartWork = 15'000;
+constexpr std::int64_t kWaysWork = 2'500'000;
+constexpr std::int64_t kWayAroundWork = 20'000;
 struct Elsewhere {
   double earlier_m, farther_m;
 };
-// Where no way is found, others that leave so much earlier and join so much farther are looked for.
+// Where no way is found from its end, others that leave so much earlier and join so much farther
+// are looked for.
 constexpr std::array<Elsewhere, 2> kElsewhere = {{{0.0, 0.0}, {1500.0, 1000.0}}};
 constexpr double kPartAside_m = 3000.0;
 // As of lattice_route().
@@ -54,6 +57,15 @@ void append(std::vector<Waypoint>& to, const std::vector<Waypoint>& more) {
   }
 }
 
+bool touches(const raster::GridGeometry& geometry, const raster::Window& window,
+             const geo::MapPoint& a, const geo::MapPoint& b) {
+  const double west_m = geometry.west_m + window.column * geometry.cell_m;
+  const double south_m = geometry.south_m + window.row * geometry.cell_m;
+  return std::max(a.x_m, b.x_m) >= west_m && std::max(a.y_m, b.y_m) >= south_m &&
+         std::min(a.x_m, b.x_m) <= west_m + window.columns * geometry.cell_m &&
+         std::min(a.y_m, b.y_m) <= south_m + window.rows * geometry.cell_m;
+}
+
 LeadIn leg_between(const Waypoint& a, const Waypoint& b) { return {b.x_m - a.x_m, b.y_m - a.y_m}; }
 
 }  // namespace
@@ -64,8 +76,11 @@ WarmPlanner::WarmPlanner(const risk::CostModel& costs, const GlobalOptions& opti
       problem_(problem),
       envelope_(costs, options, problem.start, problem.goal),
       field_(envelope_, problem.goal.point(), kBlocks * options.field_block_m),
-      route_(std::move(route)) {
+      route_(std::move(route)),
+      first_field_(std::make_shared<const CostField>(field_)) {
   judge_field();
+  const CostField from_start(field_, problem.start.point(), problem.goal.point());
+  ways_ = std::make_shared<const WaysToGoal>(envelope_, options, from_start, kWaysWork);
 }
 
 void WarmPlanner::judge_field() {
@@ -78,6 +93,7 @@ void WarmPlanner::judge_field() {
 
 void WarmPlanner::costs_changed(const raster::Window& cells) {
   changes_.push_back(cells);
+  all_changes_.push_back(cells);
   blocks_renewed_ += field_.repair(envelope_, cells);
 }
 
@@ -227,8 +243,23 @@ std::vector<Waypoint> WarmPlanner::from_start(const RouteLine& old, double along
   return {};
 }
 
+std::vector<Waypoint> WarmPlanner::flown(const std::vector<Waypoint>& line, std::size_t leave,
+                                         std::size_t join,
+                                         const std::vector<geo::MapPoint>& track) const {
+  std::vector<geo::MapPoint> whole;
+  for (std::size_t i = 0; i < leave; ++i) {
+    whole.push_back(line[i].point());
+  }
+  whole.insert(whole.end(), track.begin(), track.end());
+  for (std::size_t i = join + 1; i < line.size(); ++i) {
+    whole.push_back(line[i].point());
+  }
+  std::vector<Waypoint> route = lowest_profile(envelope_, whole, kProfileStep_m);
+  return !route.empty() && are_turns_allowed(envelope_, route) ? route : std::vector<Waypoint>{};
+}
+
 std::vector<Waypoint> WarmPlanner::around(const std::vector<Waypoint>& line, std::size_t leave,
-                                          std::size_t join, double aside_m,
+                                          std::size_t join, double aside_m, FromEnd from_end,
                                           const Observer& observer) const {
   LatticePart part{line[leave], line[join], std::nullopt, std::nullopt, 0.0, aside_m};
   if (leave > 0) {
@@ -241,32 +272,110 @@ std::vector<Waypoint> WarmPlanner::around(const std::vector<Waypoint>& line, std
     part.lead_out = leg_between(line[join], line[join + 1]);
   }
   const auto should_stop = [&observer] { return observer.stop_requested(); };
-  std::optional<CostField> backward;
+  std::optional<CostField> to_from;
+  part.is_backward = from_end == FromEnd::kJoin;
+  if (part.is_backward) {
+    to_from.emplace(field_, part.from.point(), part.to.point());
+  }
   for (const LatticeSpare& spare : kPartSpares) {
-    LatticeResult found = search_lattice(envelope_, options_, spare, part, kPartWork, should_stop,
-                                         part.is_backward ? *backward : field_);
-    if (found.track.empty() && !part.is_backward) {
-      part.is_backward = true;
-      backward.emplace(field_, part.from.point(), part.to.point());
-      found = search_lattice(envelope_, options_, spare, part, kPartWork, should_stop, *backward);
-    }
+    const LatticeResult found = search_lattice(envelope_, options_, spare, part, kPartWork,
+                                               should_stop, to_from ? *to_from : field_);
     if (found.track.empty()) {
       break;
     }
-    std::vector<geo::MapPoint> track;
-    for (std::size_t i = 0; i < leave; ++i) {
-      track.push_back(line[i].point());
-    }
-    track.insert(track.end(), found.track.begin(), found.track.end());
-    for (std::size_t i = join + 1; i < line.size(); ++i) {
-      track.push_back(line[i].point());
-    }
-    if (std::vector<Waypoint> route = lowest_profile(envelope_, track, kProfileStep_m);
-        !route.empty() && are_turns_allowed(envelope_, route)) {
+    if (std::vector<Waypoint> route = flown(line, leave, join, found.track); !route.empty()) {
       return route;
     }
   }
   return {};
+}
+
+WarmPlanner::Changed WarmPlanner::around(const std::vector<Waypoint>& line, const Detour& detour,
+                                         double old_m, bool is_on_route, FromEnd from_end,
+                                         const Observer& observer) const {
+  const RouteLine along(line);
+  const double behind_m = old_m - along.length_m();  // of the old route, about
+  // Corners of the old route take the places of those between which a way is looked for.
+  const auto corner_until = [&](double along_m) {
+    std::size_t corner = 0;
+    while (corner + 2 < line.size() && is_on_route &&
+           along.along_m()[corner + 1] + behind_m <= along_m) {
+      ++corner;
+    }
+    return corner;
+  };
+  const auto corner_from = [&](std::size_t after, double along_m) {
+    std::size_t corner = after + 1;
+    while (corner + 1 < line.size() && along.along_m()[corner] + behind_m < along_m) {
+      ++corner;
+    }
+    return corner;
+  };
+  for (const Elsewhere& elsewhere : kElsewhere) {
+    // Where the way leads to the end, the last stretch of the old route is one that exists.
+    const double join_m = detour.join_m < old_m ? detour.join_m + elsewhere.farther_m
+                                                : detour.join_m - 2.0 * elsewhere.farther_m;
+    Changed found;
+    found.leave = corner_until(detour.leave_m - elsewhere.earlier_m);
+    found.join = corner_from(found.leave, join_m);
+    found.route =
+        around(line, found.leave, found.join, kPartAside_m + detour.aside_m, from_end, observer);
+    if (!found.route.empty()) {
+      return found;
+    }
+    if (from_end == FromEnd::kLeave) {
+      break;
+    }
+  }
+  return {};
+}
+
+WarmPlanner::Changed WarmPlanner::by_ways(const std::vector<Waypoint>& line,
+                                          const std::vector<Waypoint>& stay, bool is_on_route,
+                                          const Observer& observer) const {
+  const auto is_in = [&](const std::vector<raster::Window>& windows, const geo::MapPoint& a,
+                         const geo::MapPoint& b) {
+    return std::any_of(windows.begin(), windows.end(), [&](const raster::Window& window) {
+      return touches(envelope_.geometry(), window, a, b);
+    });
+  };
+  WayAroundQuestion question;
+  question.corners = line;
+  question.cost_m = {0.0};
+  double cost_m = 0.0;
+  for (std::size_t i = 1; i < stay.size(); ++i) {
+    cost_m += envelope_.route_cost_m({stay[i - 1], stay[i]}, kCompareStep_m);
+    if (stay[i] == line[question.cost_m.size()]) {
+      question.cost_m.push_back(cost_m);
+    }
+  }
+  bool has_changed = !is_on_route;
+  for (std::size_t i = 1; i + 1 < line.size(); ++i) {
+    if (is_in(changes_, line[i - 1].point(), line[i].point())) {
+      has_changed = true;
+      question.joins_from = i;
+    }
+    question.leaves = has_changed ? question.leaves : i + 1;
+  }
+  if (is_in(changes_, line[line.size() - 2].point(), line.back().point())) {
+    question.joins_from = line.size() - 1;
+  }
+  question.is_changed = [&](const geo::MapPoint& a, const geo::MapPoint& b) {
+    return is_in(all_changes_, a, b);
+  };
+  question.dearer_m = [&](const geo::MapPoint& at) {
+    const double dearer_m = cost_per_field_ * (field_.cost_m(at) - first_field_->cost_m(at));
+    return std::isfinite(dearer_m) ? dearer_m : 0.0;  // no way there, then as now
+  };
+  Changed found;
+  find_ways_around(
+      envelope_, *ways_, question, kWayAroundWork,
+      [&observer] { return observer.stop_requested(); },
+      [&](const WayAround& way) {
+        found = {flown(line, way.leave, way.join, way.track), way.leave, way.join};
+        return !found.route.empty();
+      });
+  return found;
 }
 
 std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start, const Observer& observer) const {
@@ -289,49 +398,25 @@ std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start, const Observe
   }
   const std::vector<Waypoint> stay = std::exchange(line, corners_of(line));
   const RouteLine along(line);
-  const double behind_m = old.length_m() - along.length_m();  // of the old route, about
-  // Corners of the old route take the places of those between which a way is looked for.
-  const auto corner_until = [&](double along_m) {
-    std::size_t corner = 0;
-    while (corner + 2 < line.size() && is_on_route &&
-           along.along_m()[corner + 1] + behind_m <= along_m) {
-      ++corner;
-    }
-    return corner;
-  };
-  const auto corner_from = [&](std::size_t after, double along_m) {
-    std::size_t corner = after + 1;
-    while (corner + 1 < line.size() && along.along_m()[corner] + behind_m < along_m) {
-      ++corner;
-    }
-    return corner;
-  };
-  std::size_t leave = 0;
-  std::size_t join = 0;
-  std::vector<Waypoint> route;
-  for (const Elsewhere& elsewhere : kElsewhere) {
-    // Where the way leads to the end, the last stretch of the old route is one that exists.
-    const double join_m = detour->join_m < old.length_m()
-                              ? detour->join_m + elsewhere.farther_m
-                              : detour->join_m - 2.0 * elsewhere.farther_m;
-    leave = corner_until(std::max(detour->leave_m - elsewhere.earlier_m, now.along_m));
-    join = corner_from(leave, join_m);
-    route = around(line, leave, join, kPartAside_m + detour->aside_m, observer);
-    if (!route.empty()) {
-      break;
-    }
+  Changed found = around(line, *detour, old.length_m(), is_on_route, FromEnd::kLeave, observer);
+  if (found.route.empty()) {
+    found = by_ways(line, stay, is_on_route, observer);
   }
-  if (route.empty()) {
+  if (found.route.empty()) {
+    found = around(line, *detour, old.length_m(), is_on_route, FromEnd::kJoin, observer);
+  }
+  if (found.route.empty()) {
     return {};
   }
-  std::size_t from = leave;
-  while (from > 0 && along.along_m()[from] > along.along_m()[leave] - kBlend_m) {
+  std::size_t from = found.leave;
+  while (from > 0 && along.along_m()[from] > along.along_m()[found.leave] - kBlend_m) {
     --from;
   }
-  std::size_t to = join;
-  while (to + 1 < line.size() && along.along_m()[to] < along.along_m()[join] + kBlend_m) {
+  std::size_t to = found.join;
+  while (to + 1 < line.size() && along.along_m()[to] < along.along_m()[found.join] + kBlend_m) {
     ++to;
   }
+  std::vector<Waypoint>& route = found.route;
   improve(route, line[from], line[to]);
   const auto cost_m = [&](const std::vector<Waypoint>& whole) {
     return envelope_.route_cost_m(whole, kCompareStep_m);

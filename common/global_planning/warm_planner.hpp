@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <variant>
 #include <vector>
 
@@ -7,9 +8,11 @@
 #include "flight/plan_request.hpp"
 #include "flight/route.hpp"
 #include "global_planning/cost_field.hpp"
+#include "global_planning/detour.hpp"
 #include "global_planning/flight_envelope.hpp"
 #include "global_planning/global_planner.hpp"
 #include "global_planning/route_line.hpp"
+#include "global_planning/ways_to_goal.hpp"
 #include "raster/grid.hpp"
 #include "raster/window.hpp"
 #include "risk/cost_model.hpp"
@@ -29,13 +32,19 @@ struct WarmRoute {
 ///
 /// Blocks of the field are twice as large as those that lead plan_leg(): it only shows the way.
 /// find_detour() tells from the repaired field where a better way leaves the old route and where it
-/// joins it again; the lattice is searched between these two places alone, forward and, where that
-/// finds nothing, backward. What is found, with some of the old route before and after it, is moved
-/// sideways by low_corridor_track() from coarse to fine; then the whole ground track is flown at
-/// its lowest_profile(). Turns where old and new meet are looked at like all others. If the start
-/// lies on the old route and that is still the cheaper one, it stays. Where no part is found, the
+/// joins it again; the lattice is searched between these two places alone. The field knows little
+/// of climbs, so on steep ground that may find nothing: then find_ways_around() looks for a way
+/// from anywhere on the old route, led by the ways to the goal that were worked out beforehand and
+/// tell which places can be flown on from; after that the two places are searched from the other
+/// end. What is found, with some of the old route before and after it, is moved sideways by
+/// low_corridor_track() from coarse to fine; then the whole ground track is flown at its
+/// lowest_profile(). Turns where old and new meet are looked at like all others. If the start lies
+/// on the old route and that is still the cheaper one, it stays. Where no part is found, the
 /// lattice is searched from the start to the goal with the repaired field ahead; where that too
 /// finds nothing, plan_leg() plans anew.
+///
+/// To construct takes 3 to 4 s of processor time and up to 100 MB, for those ways; copies share
+/// them. Changes make them worse, not wrong: after many, a new planner leads better.
 ///
 /// Deterministic; the same for any number of threads.
 class WarmPlanner {
@@ -60,11 +69,30 @@ class WarmPlanner {
   // The rest of the old route from here on, but for corners that are too near to turn at.
   [[nodiscard]] std::vector<flight::Waypoint> from_start(const RouteLine& old,
                                                          double along_m) const;
-  // A line from start to goal, that between two of its waypoints replaced by a part of a lattice.
+  // A line from start to goal with another way between two of its waypoints; empty without one.
+  struct Changed {
+    std::vector<flight::Waypoint> route;
+    std::size_t leave = 0;
+    std::size_t join = 0;
+  };
+  // The line with a track between two of its waypoints, as low as it may be flown.
+  [[nodiscard]] std::vector<flight::Waypoint> flown(const std::vector<flight::Waypoint>& line,
+                                                    std::size_t leave, std::size_t join,
+                                                    const std::vector<geo::MapPoint>& track) const;
+  enum class FromEnd { kLeave, kJoin };  // where the search for a part begins
+  // A part of a lattice between two places of the line.
   [[nodiscard]] std::vector<flight::Waypoint> around(const std::vector<flight::Waypoint>& line,
                                                      std::size_t leave, std::size_t join,
-                                                     double aside_m,
+                                                     double aside_m, FromEnd from_end,
                                                      const Observer& observer) const;
+  // The same where a detour says; the old route was so long.
+  [[nodiscard]] Changed around(const std::vector<flight::Waypoint>& line, const Detour& detour,
+                               double old_m, bool is_on_route, FromEnd from_end,
+                               const Observer& observer) const;
+  // By the ways to the goal. `stay` is the line with all its waypoints.
+  [[nodiscard]] Changed by_ways(const std::vector<flight::Waypoint>& line,
+                                const std::vector<flight::Waypoint>& stay, bool is_on_route,
+                                const Observer& observer) const;
   [[nodiscard]] std::vector<flight::Waypoint> searched(const Observer& observer) const;
   [[nodiscard]] bool is_lawful(const std::vector<flight::Waypoint>& route) const;
   // Moves what lies between two waypoints of a route sideways and flies all of it low.
@@ -79,7 +107,11 @@ class WarmPlanner {
   FlightEnvelope envelope_;
   CostField field_;
   std::vector<flight::Waypoint> route_;
-  std::vector<raster::Window> changes_;  // since the last plan
+  // When the route was new, for the ways to the goal from all around.
+  std::shared_ptr<const CostField> first_field_;
+  std::shared_ptr<const WaysToGoal> ways_;
+  std::vector<raster::Window> changes_;      // since the last plan
+  std::vector<raster::Window> all_changes_;  // since the ways were worked out
   double cost_per_field_ = 1.0;
   std::size_t blocks_renewed_ = 0;
 };

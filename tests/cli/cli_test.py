@@ -1418,6 +1418,7 @@ class Json(CliTest):
             self.assertEqual(row["claimed_cost_m"], row["cost_m"])
             self.assertLessEqual(row["polished_m"], row["cost_m"])
         self.assertLessEqual(found["warm_s"]["median"], found["warm_s"]["max"])
+        self.assertGreater(found["prepare_s"]["median"], 0.0)
 
     def test_evaluate_local_speed(self):
         found = self.one_object("evaluate", "local-speed", "--repeats", "1", "--reference-repeats", "1", "--length", "2000")
