@@ -199,15 +199,19 @@ class PatchTalk {
     return result;
   }
 
-  std::shared_ptr<const map::Map> map() {
+  /// Waits for the whole map, named observers included.
+  const bus::MapAssembly& map() {
     is_wanting_map_ = true;
     std::int64_t missing = -1;
     auto progress = std::chrono::steady_clock::now();
     while (true) {
       turn();
+      if (assembly_.index()) {
+        assembly_.need(assembly_.index()->hash_for(true));
+      }
       assembly_.tick();
-      if (auto map = assembly_.map()) {
-        return map;
+      if (assembly_.missing().empty()) {
+        return assembly_;
       }
       if (!assembly_.refusal().empty()) {
         throw DataError("the map on the bus cannot be used: " + assembly_.refusal(), "");
@@ -222,7 +226,6 @@ class PatchTalk {
       }
     }
   }
-  [[nodiscard]] std::int64_t patch_number() const { return assembly_.patch_number(); }
 
  private:
   bus::Bus bus_;
@@ -387,10 +390,18 @@ ExitCode fetch_map(const Console& console, const PatchArguments& arguments) {
   const auto observer = console.observer();
   PatchTalk talk(arguments, *observer);
   const messages::MapPatchState before = talk.state();
-  const auto map = talk.map();
+  const bus::MapAssembly& assembly = talk.map();
+  const auto map = assembly.map();
   const ordered_json provenance = {{"base_map_hash", before.base_map_hash.hex()},
-                                   {"patch_number", talk.patch_number()}};
+                                   {"patch_number", assembly.patch_number()}};
   map::write_map_bundle(*map, provenance.dump(), folder.path(), observer.get());
+  if (const auto with_threats = assembly.map_with_threats()) {
+    std::vector<map::NamedBand> bands;
+    for (const map::HeightLayer& threat : with_threats->threats) {
+      bands.push_back({threat.name, &threat.height_m});
+    }
+    map::write_height_bands(*map, bands, folder.path() / map::kThreatsFile, observer.get());
+  }
   folder.commit();
   if (console.is_json) {
     ordered_json json = {
@@ -400,7 +411,7 @@ ExitCode fetch_map(const Console& console, const PatchArguments& arguments) {
     print(json);
   } else {
     std::printf("map %s, patch %lld, in %s\n", map->hash.hex().c_str(),
-                static_cast<long long>(talk.patch_number()), arguments.out.c_str());
+                static_cast<long long>(assembly.patch_number()), arguments.out.c_str());
   }
   return ExitCode::kOk;
 }

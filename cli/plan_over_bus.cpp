@@ -12,6 +12,7 @@
 #include "bus/service.hpp"
 #include "messages/message_error.hpp"
 #include "messages/plan_blobs.hpp"
+#include "planning/map_for_plan.hpp"
 
 namespace hedgehop::cli {
 namespace {
@@ -80,8 +81,10 @@ class Conversation {
     messages::PlanRequestMessage message;
     message.request = request;
     message.config = exchange_.offer(messages::encode_planning_config(config_text), true);
+    const bool weighs_threats = planning::weighs_threats(config_text);
+    const auto newest_hash = [&] { return heard_->index()->hash_for(weighs_threats); };
     const auto begin = [&] {
-      message.map_hash = heard_->index()->map_hash;
+      message.map_hash = newest_hash();
       message.request_id = flight::plan_request_id(request, message.map_hash, config_text);
       heard_->request_id = message.request_id;
       heard_->stages = {};
@@ -93,7 +96,7 @@ class Conversation {
     begin();
     std::optional<SteadyTime> asked;
     while (true) {
-      if (heard_->index()->map_hash != message.map_hash) {
+      if (newest_hash() != message.map_hash) {
         observer_.note("the map has changed, patch " +
                        std::to_string(heard_->index()->patch_number) + ": planning again");
         cancel();
@@ -105,7 +108,7 @@ class Conversation {
         bus_.publish(messages::kPlanRequestChannel, message, bus_.now());
       }
       turn();
-      if (heard_->index()->map_hash != message.map_hash) {
+      if (newest_hash() != message.map_hash) {
         continue;
       }
       if (auto no_plan = answer_without_plan()) {

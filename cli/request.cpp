@@ -32,11 +32,12 @@ std::shared_ptr<const map::Map> map_from_bus(const Hash128& hash, bus::Bus& bus,
   while (true) {
     bus.poll(std::min(0.05, exchange.next_tick_s(bus.now())));
     exchange.tick(bus.now());
+    assembly.need(hash);
     assembly.tick();
-    if (auto map = assembly.map(); map && map->hash == hash) {
+    if (auto map = assembly.map_of(hash)) {
       return map;
     }
-    if (assembly.index() && assembly.index()->map_hash != hash) {
+    if (assembly.index() && !assembly.index()->offers(hash)) {
       throw DataError(
           "the map has changed since the plan was made, so that no figures can be drawn",
           "ask again, or without --figures");

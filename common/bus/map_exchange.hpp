@@ -13,8 +13,9 @@
 
 namespace hedgehop::bus {
 
-/// Offers every tile, the features and the tile table of a map, and returns the MAP_INDEX to
-/// publish. The map may go afterwards. Throws UsageError when it is too large for the bus.
+/// Offers every tile, the features and the tile table of a map, and those of its named observers,
+/// and returns the MAP_INDEX to publish. The map may go afterwards. Throws UsageError when it is
+/// too large for the bus, or has more observers than it carries.
 messages::MapIndex offer_map(const map::Map& map, int tile_cells, BlobExchange& exchange);
 
 /// The map that counts for somebody who only needs to know which one it is: that of the first
@@ -44,11 +45,15 @@ class MapOffer {
   int tile_cells_;
   BlobExchange& exchange_;
   std::shared_ptr<const map::Map> map_;
-  std::vector<messages::BlobRef> blobs_;  // tiles, then table and features; of map_
+  // Of map_
+  std::vector<messages::BlobRef> tiles_;
+  std::vector<messages::BlobRef> threat_tiles_;
+  std::vector<messages::BlobRef> tables_;  // and features
   std::vector<messages::BlobRef> older_;
 };
 
-/// Puts the newest map on the bus together, in memory.
+/// Puts the newest map on the bus together, in memory: without its named observers, and beside that
+/// with them, a second copy, from the first time on that somebody needs it.
 ///
 ///     MapAssembly assembly(exchange);
 ///     bus.subscribe(kMapIndexChannel, [&](const MapIndex& index, const Stamp&) {
@@ -68,13 +73,25 @@ class MapAssembly {
   /// each other from being heard out nor mix; meanwhile rival() names it.
   void receive(const messages::MapIndex& index, std::int64_t sender_id = 0);
 
+  /// Says which map somebody needs. If the index, this one or the next, offers it with named
+  /// observers, their layers are collected from then on, of later maps too.
+  void need(const Hash128& map_hash);
+
   /// Goes on with what has arrived.
   void tick();
 
-  /// The complete, verified map; nullptr before. Stays valid and unchanged while the caller holds
-  /// it.
+  /// The complete, verified map without named observers; nullptr before. Stays valid and unchanged
+  /// while the caller holds it.
   [[nodiscard]] std::shared_ptr<const map::Map> map() const;
-  /// What the tiles of map() have on the wire [bytes]; 0 before.
+  /// map() with its named observers; nullptr before, and where it has none or nobody needs them.
+  [[nodiscard]] std::shared_ptr<const map::Map> map_with_threats() const;
+  /// Whether map() is that of the index, and only the named observers that somebody needs are not
+  /// there.
+  [[nodiscard]] bool lacks_only_threats() const;
+  /// The complete, verified map of this hash, with named observers or without; nullptr if it is not
+  /// held.
+  [[nodiscard]] std::shared_ptr<const map::Map> map_of(const Hash128& map_hash) const;
+  /// What the tiles of map() have on the wire [bytes]; 0 before. Named observers do not count.
   [[nodiscard]] std::int64_t packed_bytes() const;
   /// Newest patch in map(); 0 before.
   [[nodiscard]] std::int64_t patch_number() const;

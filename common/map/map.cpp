@@ -144,8 +144,9 @@ bool Patch::operator==(const Patch& other) const {
          label == other.label;
 }
 
-Hash128 map_hash(const Map& map) {
-  Hasher128 hasher;
+namespace {
+
+void update_without_threats(Hasher128& hasher, const Map& map) {
   update_text(hasher, "hedgehop map 2");
   update(hasher, map.geometry.west_m);
   update(hasher, map.geometry.south_m);
@@ -211,6 +212,19 @@ Hash128 map_hash(const Map& map) {
     update(hasher, band.height_m);
     update_bits(hasher, band.share);
   }
+}
+
+}  // namespace
+
+Hash128 map_hash_without_threats(const Map& map) {
+  Hasher128 hasher;
+  update_without_threats(hasher, map);
+  return hasher.digest();
+}
+
+Hash128 map_hash(const Map& map) {
+  Hasher128 hasher;
+  update_without_threats(hasher, map);
   for (const HeightLayer& threat : map.threats) {
     update_text(hasher, "threat");
     update_text(hasher, threat.name);
@@ -219,12 +233,35 @@ Hash128 map_hash(const Map& map) {
   return hasher.digest();
 }
 
-void validate(const Map& map) {
-  const auto check = [](bool condition, const std::string& what) {
-    if (!condition) {
-      throw DataError("map: " + what, "prepare the map again");
+namespace {
+
+void check(bool condition, const std::string& what) {
+  if (!condition) {
+    throw DataError("map: " + what, "prepare the map again");
+  }
+}
+
+}  // namespace
+
+void validate_threats(const Map& map) {
+  for (const HeightLayer& threat : map.threats) {
+    const std::string who = "the layer of observer '" + threat.name + "' ";
+    check(threat.height_m.geometry() == map.geometry, who + "has another geometry than the map");
+    for (int row = 0; row < map.geometry.rows; ++row) {
+      for (int column = 0; column < map.geometry.columns; ++column) {
+        const float height_m = threat.height_m.at(column, row);
+        if (height_m < 0.0F || std::isinf(height_m)) {
+          std::ostringstream what;
+          what << who << "holds " << height_m << " m at column " << column << ", row " << row
+               << ", which is no height";
+          check(false, what.str());
+        }
+      }
     }
-  };
+  }
+}
+
+void validate(const Map& map) {
   const raster::GridGeometry& geometry = map.geometry;
   check(geometry.columns > 0 && geometry.rows > 0, "has no cells");
   check(std::isfinite(geometry.cell_m) && geometry.cell_m > 0.0, "cell size is not positive");
@@ -244,10 +281,7 @@ void validate(const Map& map) {
           "the further heights of layer visibility are not ascending, or one is the reference "
           "height");
   }
-  for (const HeightLayer& threat : map.threats) {
-    check(threat.height_m.geometry() == geometry,
-          "the layer of observer '" + threat.name + "' has another geometry than the map");
-  }
+  validate_threats(map);
   for (int row = 0; row < geometry.rows; ++row) {
     for (int column = 0; column < geometry.columns; ++column) {
       const float terrain_m = map.terrain_m.at(column, row);

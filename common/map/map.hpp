@@ -165,8 +165,13 @@ bool covers_height(const Map& map, double height_m);
 /// Identity of the content: geometry, CRS, layers, features, attributions, label; not of file
 /// names, times or compression.
 Hash128 map_hash(const Map& map);
+/// Identity of the same map without Map::threats: that of its bundle.
+Hash128 map_hash_without_threats(const Map& map);
 
 /// Throws DataError naming what is inconsistent: layer sizes, surface below terrain, hash.
 void validate(const Map& map);
+/// The part of it that concerns Map::threats: sizes, and heights that are neither NaN nor finite
+/// and at least 0.
+void validate_threats(const Map& map);
 
 }  // namespace hedgehop::map

@@ -39,7 +39,7 @@ struct ChannelType {
   std::string_view type;
 };
 inline constexpr std::array<ChannelType, 14> kChannelTypes = {{
-    {kMapIndexChannel.name, "map_index_t"},
+    {kMapIndexChannel.name, "map_index_v2_t"},
     {kMapPatchChannel.name, "map_patch_v2_t"},
     {kMapPatchStateChannel.name, "map_patch_state_t"},
     {kChunkChannel.name, "chunk_t"},

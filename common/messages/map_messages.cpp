@@ -1,5 +1,6 @@
 #include "messages/map_messages.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -7,9 +8,11 @@
 #include "messages/wire.hpp"
 
 #include "hedgehop/map_index_t.hpp"
+#include "hedgehop/map_index_v2_t.hpp"
 #include "hedgehop/map_patch_state_t.hpp"
 #include "hedgehop/map_patch_t.hpp"
 #include "hedgehop/map_patch_v2_t.hpp"
+#include "hedgehop/map_threats_t.hpp"
 
 namespace hedgehop::messages {
 namespace {
@@ -24,14 +27,16 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 static_assert(static_cast<int>(map::PatchKind::kObstacle) == map_patch_v2_t::KIND_OBSTACLE);
 static_assert(static_cast<int>(map::PatchKind::kThreat) == map_patch_v2_t::KIND_THREAT);
 static_assert(static_cast<int>(map::PatchKind::kArea) == map_patch_v2_t::KIND_AREA);
-static_assert(kMaxMapSideCells == map_index_t::MAX_SIDE_CELLS);
-static_assert(static_cast<int>(MapLayer::kTerrain) == map_index_t::LAYERS_TERRAIN);
-static_assert(static_cast<int>(MapLayer::kSurface) == map_index_t::LAYERS_SURFACE);
-static_assert(static_cast<int>(MapLayer::kSemantics) == map_index_t::LAYERS_SEMANTICS);
-static_assert(static_cast<int>(MapLayer::kVisibility) == map_index_t::LAYERS_VISIBILITY);
+static_assert(kMaxMapSideCells == map_index_v2_t::MAX_SIDE_CELLS);
+static_assert(static_cast<int>(MapLayer::kTerrain) == map_index_v2_t::LAYERS_TERRAIN);
+static_assert(static_cast<int>(MapLayer::kSurface) == map_index_v2_t::LAYERS_SURFACE);
+static_assert(static_cast<int>(MapLayer::kSemantics) == map_index_v2_t::LAYERS_SEMANTICS);
+static_assert(static_cast<int>(MapLayer::kVisibility) == map_index_v2_t::LAYERS_VISIBILITY);
 static_assert(static_cast<int>(MapLayer::kFurtherVisibility) ==
-              map_index_t::LAYERS_FURTHER_VISIBILITY);
-static_assert(static_cast<int>(kMapLayers.size()) + kMaxFurtherHeights == map_index_t::MAX_LAYERS);
+              map_index_v2_t::LAYERS_FURTHER_VISIBILITY);
+static_assert(static_cast<int>(kMapLayers.size()) + kMaxFurtherHeights ==
+              map_index_v2_t::MAX_LAYERS);
+static_assert(kMaxThreats == map_index_v2_t::MAX_THREAT_COUNT);
 
 double coordinate(const wire::Check& check, std::string_view field, double value) {
   return check.within(field, value, -kCoordinateMax_m, kCoordinateMax_m);
@@ -44,8 +49,15 @@ std::int64_t raster_bytes(const raster::GridGeometry& geometry, std::size_t furt
          (12 + 2 * static_cast<std::int64_t>(further_heights));
 }
 
+int threats_max(const raster::GridGeometry& geometry, int tile_cells) {
+  const auto cells = static_cast<std::int64_t>(geometry.columns) * geometry.rows;
+  const Tiling tiling{geometry.columns, geometry.rows, tile_cells};
+  return std::min({kMaxThreats, static_cast<int>(kMaxMapBytes / (4 * cells)),
+                   map_threats_t::MAX_TILES / tiling.tile_count()});
+}
+
 Bytes to_message(const MapIndex& index, const Stamp& stamp) {
-  map_index_t message{};
+  map_index_v2_t message{};
   wire::put_stamp(message, stamp);
   wire::put(message.map_hash, index.map_hash);
   message.patch_number = index.patch_number;
@@ -68,14 +80,20 @@ Bytes to_message(const MapIndex& index, const Stamp& stamp) {
   message.num_layers = static_cast<std::int32_t>(message.layers.size());
   wire::put_ref(message.tile_table, index.tile_table);
   wire::put_ref(message.features, index.features);
+  if (index.threats) {
+    message.threat_count = index.threats->count;
+    wire::put(message.threats_map_hash, index.threats->map_hash);
+    wire::put_ref(message.threats, index.threats->table);
+  }
   message.label = wire::cut_text(index.label, kIndexLabelBytesMax);
   return wire::published<MapIndex>(message);
 }
 
-template <>
-MapIndex from_message<MapIndex>(ByteView bytes, Stamp& stamp) {
-  const auto message = wire::decoded<map_index_t>(bytes, stamp);
-  const wire::Check check(map_index_t::getTypeName());
+namespace {
+
+// What both forms say.
+template <typename Wire>
+MapIndex index_of(const wire::Check& check, const Wire& message) {
   MapIndex index;
   index.map_hash = wire::hash_in(message.map_hash);
   index.patch_number = check.count("patch_number", message.patch_number);
@@ -110,6 +128,29 @@ MapIndex from_message<MapIndex>(ByteView bytes, Stamp& stamp) {
   index.tile_table = wire::ref_in(check, "tile_table", message.tile_table);
   index.features = wire::ref_in(check, "features", message.features);
   index.label = check.text("label", message.label, kIndexLabelBytesMax);
+  return index;
+}
+
+}  // namespace
+
+template <>
+MapIndex from_message<MapIndex>(ByteView bytes, Stamp& stamp) {
+  if (wire::is_of_type<map_index_t>(bytes)) {
+    const wire::Check check(map_index_t::getTypeName());
+    return index_of(check, wire::decoded<map_index_t>(bytes, stamp));
+  }
+  const auto message = wire::decoded<map_index_v2_t>(bytes, stamp);
+  const wire::Check check(map_index_v2_t::getTypeName());
+  MapIndex index = index_of(check, message);
+  const int threats = check.within("threat_count", message.threat_count, 0,
+                                   threats_max(index.geometry, index.tile_cells));
+  if (threats > 0) {
+    index.threats = ThreatLayers{threats, wire::hash_in(message.threats_map_hash),
+                                 wire::ref_in(check, "threats", message.threats)};
+    if (index.threats->map_hash == index.map_hash) {
+      check.refuse("threats_map_hash", index.map_hash.hex(), "differ from map_hash");
+    }
+  }
   return index;
 }
 

@@ -19,10 +19,25 @@ inline constexpr std::int64_t kMaxMapBytes = 1'200'000'000;
 inline constexpr int kMaxFurtherHeights = 12;
 /// Of a map's raster layers: 12 bytes a cell, and 2 for each further height.
 std::int64_t raster_bytes(const raster::GridGeometry& geometry, std::size_t further_heights);
+/// Most named observers that the bus carries of a map in such tiles: kMaxThreats, and fewer where
+/// their layers, 4 bytes a cell each, would be more than kMaxMapBytes, or their tiles too many.
+inline constexpr int kMaxThreats = 100;
+int threats_max(const raster::GridGeometry& geometry, int tile_cells);
 
-/// Channel MAP_INDEX: which map is on the bus, and the blobs that hold it.
+/// The layers of a map's named observers. They travel apart from the map, so that only those get
+/// them who are asked to weigh them.
+struct ThreatLayers {
+  int count = 0;     // 1 to threats_max()
+  Hash128 map_hash;  // of the map with them
+  BlobRef table;     // decode_map_threats()
+
+  bool operator==(const ThreatLayers&) const = default;
+};
+
+/// Channel MAP_INDEX: which map is on the bus, and the blobs that hold it. Messages of the first
+/// form of this type, which knew no named observers, are read too.
 struct MapIndex {
-  Hash128 map_hash;
+  Hash128 map_hash;               // named observers left out
   std::int64_t patch_number = 0;  // newest patch that counts, in map_hash too; 0 is the base map
   raster::GridGeometry geometry;
   int tile_cells = 0;  // side of a tile, 16 to 1024
@@ -30,8 +45,18 @@ struct MapIndex {
   std::vector<double> further_heights_m;  // of the exposure volume, ascending; at most 12
   BlobRef tile_table;                     // decode_map_tile_table()
   BlobRef features;                       // decode_map_features()
+  std::optional<ThreatLayers> threats;    // none: the map has no named observers
   std::string label;                      // at most 120 bytes
 
+  /// The map that a request belongs to. One that weighs named observers is for the map with them;
+  /// where there are none for the map as it is, so that its planner says what is missing.
+  [[nodiscard]] Hash128 hash_for(bool weighs_threats) const {
+    return weighs_threats && threats ? threats->map_hash : map_hash;
+  }
+  /// Whether a hash is that of this map, with its named observers or without.
+  [[nodiscard]] bool offers(const Hash128& hash) const {
+    return hash == map_hash || (threats && hash == threats->map_hash);
+  }
   bool operator==(const MapIndex&) const = default;
 };
 Bytes to_message(const MapIndex& index, const Stamp& stamp);

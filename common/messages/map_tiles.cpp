@@ -8,6 +8,7 @@
 #include "messages/wire.hpp"
 
 #include "hedgehop/map_features_t.hpp"
+#include "hedgehop/map_threats_t.hpp"
 #include "hedgehop/map_tile_t.hpp"
 #include "hedgehop/map_tile_table_t.hpp"
 
@@ -18,6 +19,11 @@ constexpr std::size_t kBlobBytesMax = static_cast<std::size_t>(kMaxContentBytes)
 constexpr std::size_t kTileBytesMax = static_cast<std::size_t>(map_tile_t::MAX_PLANE_BYTES) + 64;
 constexpr std::size_t kWktBytesMax = 1U << 16;
 constexpr std::size_t kLineBytesMax = 4096;
+
+static_assert(static_cast<int>(MapLayer::kThreat) == map_tile_t::LAYER_THREAT);
+static_assert(static_cast<int>(MapLayer::kFurtherVisibility) + kMaxFurtherHeights <=
+              static_cast<int>(MapLayer::kThreat));
+static_assert(kMaxThreats == map_threats_t::MAX_THREATS);
 
 /// The cells of one tile.
 struct Window {
@@ -91,6 +97,11 @@ int further_height_of(MapLayer layer) {
   return static_cast<int>(layer) - static_cast<int>(MapLayer::kFurtherVisibility);
 }
 
+// Place among the named observers; negative for the other layers.
+int threat_of(MapLayer layer) {
+  return static_cast<int>(layer) - static_cast<int>(MapLayer::kThreat);
+}
+
 template <typename MapType, typename Use>
 void with_layer(MapType& map, MapLayer layer, const Use& use) {
   switch (layer) {
@@ -103,7 +114,11 @@ void with_layer(MapType& map, MapLayer layer, const Use& use) {
     case MapLayer::kVisibility:
       return use(map.visibility);
     case MapLayer::kFurtherVisibility:
+    case MapLayer::kThreat:
       break;
+  }
+  if (threat_of(layer) >= 0) {
+    return use(map.threats.at(static_cast<std::size_t>(threat_of(layer))).height_m);
   }
   const auto further = static_cast<std::size_t>(further_height_of(layer));
   HEDGEHOP_ASSERT(further < map.further_visibility.size());
@@ -275,6 +290,24 @@ std::vector<map::Area> areas_in(const wire::Check& check, const map_features_t& 
   return areas;
 }
 
+void check_map_hash(const wire::Check& check, const std::int64_t (&field)[2],
+                    const Hash128& map_hash) {
+  if (wire::hash_in(field) != map_hash) {
+    check.refuse("map_hash", wire::hash_in(field).hex(), "be " + map_hash.hex());
+  }
+}
+
+std::vector<BlobRef> tiles_in(const wire::Check& check, const std::vector<blob_ref_t>& refs) {
+  std::vector<BlobRef> tiles;
+  tiles.reserve(refs.size());
+  for (const blob_ref_t& ref : refs) {
+    tiles.push_back(wire::ref_in(check, "tiles", ref));
+    check.within<std::int64_t>("tiles.content_bytes", tiles.back().content_bytes, 1,
+                               static_cast<std::int64_t>(kTileBytesMax));
+  }
+  return tiles;
+}
+
 }  // namespace
 
 std::string name_of(MapLayer layer) {
@@ -288,7 +321,11 @@ std::string name_of(MapLayer layer) {
     case MapLayer::kVisibility:
       return "visibility";
     case MapLayer::kFurtherVisibility:
+    case MapLayer::kThreat:
       break;
+  }
+  if (threat_of(layer) >= 0) {
+    return "observer " + std::to_string(threat_of(layer) + 1);
   }
   return "visibility " + std::to_string(further_height_of(layer) + 2);
 }
@@ -325,6 +362,14 @@ TileAddress tile_address(const Tiling& tiling, std::size_t index) {
   const std::size_t layer = index / columns / rows;
   HEDGEHOP_ASSERT(layer < static_cast<std::size_t>(tiling.layer_count()));
   address.layer = static_cast<MapLayer>(layer);
+  return address;
+}
+
+TileAddress threat_tile_address(const Tiling& tiling, std::size_t index) {
+  const auto tiles = static_cast<std::size_t>(tiling.tile_count());
+  TileAddress address = tile_address(tiling, index % tiles);
+  address.layer =
+      static_cast<MapLayer>(static_cast<std::size_t>(MapLayer::kThreat) + index / tiles);
   return address;
 }
 
@@ -368,10 +413,10 @@ void decode_map_tile(ByteView bytes, const Tiling& tiling, const TileAddress& ad
   });
 }
 
-Bytes encode_map_features(const map::Map& map) {
+Bytes encode_map_features(const map::Map& map, const Hash128& map_hash) {
   map_features_t message{};
   message.version = map_features_t::VERSION;
-  wire::put(message.map_hash, map.hash);
+  wire::put(message.map_hash, map_hash);
   message.crs_wkt = map.crs_wkt;
   message.vertical_datum = map.vertical_datum;
   message.reference_height_m = map.reference_height_m;
@@ -385,7 +430,7 @@ Bytes encode_map_features(const map::Map& map) {
   Bytes bytes = wire::encoded(message);
   try {
     map::Map copy;
-    decode_map_features(bytes, map.hash, copy);
+    decode_map_features(bytes, map_hash, copy);
   } catch (const MessageError& error) {
     throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
   }
@@ -395,9 +440,7 @@ Bytes encode_map_features(const map::Map& map) {
 void decode_map_features(ByteView bytes, const Hash128& map_hash, map::Map& map) {
   const auto message = wire::decoded<map_features_t>(bytes, kBlobBytesMax);
   const wire::Check check(map_features_t::getTypeName());
-  if (wire::hash_in(message.map_hash) != map_hash) {
-    check.refuse("map_hash", wire::hash_in(message.map_hash).hex(), "be " + map_hash.hex());
-  }
+  check_map_hash(check, message.map_hash, map_hash);
   map.crs_wkt = check.text("crs_wkt", message.crs_wkt, kWktBytesMax);
   map.vertical_datum = check.text("vertical_datum", message.vertical_datum, kLineBytesMax);
   map.reference_height_m = check.not_negative("reference_height_m", message.reference_height_m);
@@ -437,9 +480,7 @@ std::vector<BlobRef> decode_map_tile_table(ByteView bytes, const Hash128& map_ha
                                            const Tiling& tiling) {
   const auto message = wire::decoded<map_tile_table_t>(bytes, kBlobBytesMax);
   const wire::Check check(map_tile_table_t::getTypeName());
-  if (wire::hash_in(message.map_hash) != map_hash) {
-    check.refuse("map_hash", wire::hash_in(message.map_hash).hex(), "be " + map_hash.hex());
-  }
+  check_map_hash(check, message.map_hash, map_hash);
   const auto must_be = [&](const char* field, std::int32_t value, std::int64_t wanted) {
     if (value != wanted) {
       check.refuse(field, value, "be " + std::to_string(wanted));
@@ -450,14 +491,51 @@ std::vector<BlobRef> decode_map_tile_table(ByteView bytes, const Hash128& map_ha
   must_be("tile_row_count", message.tile_row_count, tiling.tile_rows());
   must_be("num_tiles", message.num_tiles,
           static_cast<std::int64_t>(tiling.layer_count()) * tiling.tile_count());
-  std::vector<BlobRef> tiles;
-  tiles.reserve(message.tiles.size());
-  for (const blob_ref_t& tile : message.tiles) {
-    tiles.push_back(wire::ref_in(check, "tiles", tile));
-    check.within<std::int64_t>("tiles.content_bytes", tiles.back().content_bytes, 1,
-                               static_cast<std::int64_t>(kTileBytesMax));
+  return tiles_in(check, message.tiles);
+}
+
+Bytes encode_map_threats(const Hash128& map_hash, const Tiling& tiling, const MapThreats& threats) {
+  map_threats_t message{};
+  message.version = map_threats_t::VERSION;
+  wire::put(message.map_hash, map_hash);
+  message.num_threats = count_of(threats.names.size());
+  message.names = threats.names;
+  message.tile_column_count = tiling.tile_columns();
+  message.tile_row_count = tiling.tile_rows();
+  message.num_tiles = count_of(threats.tiles.size());
+  for (const BlobRef& tile : threats.tiles) {
+    wire::put_ref(message.tiles.emplace_back(), tile);
   }
-  return tiles;
+  Bytes bytes = wire::encoded(message);
+  try {
+    decode_map_threats(bytes, map_hash, tiling, message.num_threats);
+  } catch (const MessageError& error) {
+    throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
+  }
+  return bytes;
+}
+
+// One name may stand for several observers: those of patches need none at all.
+MapThreats decode_map_threats(ByteView bytes, const Hash128& map_hash, const Tiling& tiling,
+                              int count) {
+  const auto message = wire::decoded<map_threats_t>(bytes, kBlobBytesMax);
+  const wire::Check check(map_threats_t::getTypeName());
+  check_map_hash(check, message.map_hash, map_hash);
+  const auto must_be = [&](const char* field, std::int32_t value, std::int64_t wanted) {
+    if (value != wanted) {
+      check.refuse(field, value, "be " + std::to_string(wanted));
+    }
+  };
+  must_be("num_threats", message.num_threats, count);
+  must_be("tile_column_count", message.tile_column_count, tiling.tile_columns());
+  must_be("tile_row_count", message.tile_row_count, tiling.tile_rows());
+  must_be("num_tiles", message.num_tiles, static_cast<std::int64_t>(count) * tiling.tile_count());
+  MapThreats threats;
+  for (const std::string& name : message.names) {
+    threats.names.push_back(check.text("names", name, kThreatNameBytesMax));
+  }
+  threats.tiles = tiles_in(check, message.tiles);
+  return threats;
 }
 
 map::Map begin_map(const MapIndex& index) {

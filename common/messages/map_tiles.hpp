@@ -15,18 +15,20 @@
 namespace hedgehop::messages {
 
 /// Raster layers in the order of the tile table.
-/// From kFurtherVisibility on, one for each further height of the exposure volume.
+/// From kFurtherVisibility on, one for each further height of the exposure volume; from kThreat on,
+/// one for each named observer, in the table of their own.
 enum class MapLayer : std::int8_t {
   kTerrain = 0,
   kSurface = 1,
   kSemantics = 2,
   kVisibility = 3,
   kFurtherVisibility = 4,
+  kThreat = 16,
 };
 /// Layers that every map has.
 inline constexpr std::array<MapLayer, 4> kMapLayers = {MapLayer::kTerrain, MapLayer::kSurface,
                                                        MapLayer::kSemantics, MapLayer::kVisibility};
-/// "surface"; "visibility 4" for the further heights.
+/// "surface"; "visibility 4" for the further heights, "observer 2" for named observers.
 std::string name_of(MapLayer layer);
 
 /// How a raster is cut: tiles of `tile_cells` squared from the south-west corner; the last column
@@ -61,18 +63,21 @@ std::string name_of(const TileAddress& address);
 /// Place of a tile in the table, and back.
 std::size_t tile_index(const Tiling& tiling, const TileAddress& address);
 TileAddress tile_address(const Tiling& tiling, std::size_t index);
+/// The same of a place in the table of named observers.
+TileAddress threat_tile_address(const Tiling& tiling, std::size_t index);
 
 /// One tile of a map, encoded. Cells are stored as differences to their neighbours, byte planes
 /// apart, which packs well.
 Bytes encode_map_tile(const map::Map& map, int tile_cells, const TileAddress& address);
-/// Writes a tile into `map`, whose layers must have been sized by begin_map(). Throws MessageError
-/// if the bytes are not the tile of that address.
+/// Writes a tile into `map`, whose layers must have been sized by begin_map(), those of named
+/// observers by their reader. Throws MessageError if the bytes are not the tile of that address.
 void decode_map_tile(ByteView bytes, const Tiling& tiling, const TileAddress& address,
                      map::Map& map);
 
-/// Everything of a map that is not a raster.
-Bytes encode_map_features(const map::Map& map);
-/// Fills the non-raster members of `map`; `map_hash` is what the content must claim to belong to.
+/// Everything of a map that is not a raster, nor about named observers; `map_hash` is that of
+/// MAP_INDEX.
+Bytes encode_map_features(const map::Map& map, const Hash128& map_hash);
+/// Fills these members of `map`; `map_hash` is what the content must claim to belong to.
 void decode_map_features(ByteView bytes, const Hash128& map_hash, map::Map& map);
 
 /// The blobs of all tiles, in the order of tile_index().
@@ -80,6 +85,19 @@ Bytes encode_map_tile_table(const Hash128& map_hash, const Tiling& tiling,
                             const std::vector<BlobRef>& tiles);
 std::vector<BlobRef> decode_map_tile_table(ByteView bytes, const Hash128& map_hash,
                                            const Tiling& tiling);
+
+inline constexpr std::size_t kThreatNameBytesMax = 200;
+/// The named observers of a map and the blobs of their tiles, in the order of
+/// threat_tile_address().
+struct MapThreats {
+  std::vector<std::string> names;
+  std::vector<BlobRef> tiles;
+};
+/// `map_hash` is that of the map with its named observers.
+Bytes encode_map_threats(const Hash128& map_hash, const Tiling& tiling, const MapThreats& threats);
+/// Of `count` observers.
+MapThreats decode_map_threats(ByteView bytes, const Hash128& map_hash, const Tiling& tiling,
+                              int count);
 
 /// A map with its geometry and with layers of the right size, nothing in them.
 map::Map begin_map(const MapIndex& index);

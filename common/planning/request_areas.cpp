@@ -1,8 +1,5 @@
 #include "planning/request_areas.hpp"
 
-#include <cstdlib>
-
-#include "base/config_entries.hpp"
 #include "base/errors.hpp"
 #include "map/map_bundle.hpp"
 #include "planning/map_for_plan.hpp"
@@ -42,18 +39,6 @@ To area_elsewhere(const From& area, const Place& place) {
   return result;
 }
 
-bool weighs_threats(const flight::Plan& plan) {
-  try {
-    for (const ConfigEntry& entry : config_entries(plan.route_plan.config_text, "config")) {
-      if (entry.key == "weights.threats") {
-        return std::strtod(entry.value.c_str(), nullptr) > 0.0;
-      }
-    }
-  } catch (const ConfigError&) {  // is told where the config is needed
-  }
-  return false;
-}
-
 }  // namespace
 
 map::Map map_with_areas(map::Map map, const std::vector<flight::RequestArea>& areas) {
@@ -90,7 +75,7 @@ map::Map map_of_plan(map::Map map, const flight::Plan& plan, const std::string& 
 map::Map read_map_of_plan(const std::filesystem::path& bundle, const flight::Plan& plan,
                           const std::string& plan_name) {
   map::Map map = map::read_map_bundle(bundle);
-  if (weighs_threats(plan)) {
+  if (weighs_threats(plan.route_plan.config_text)) {
     map = with_threats(std::move(map), bundle);
   }
   return map_of_plan(std::move(map), plan, plan_name, bundle.string());

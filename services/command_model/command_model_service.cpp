@@ -211,6 +211,7 @@ CommandModelService::CommandModelService(const CommandModelOptions& options, bus
   HEDGEHOP_ASSERT(options.plant != CommandModelOptions::Plant::kRotor || rotor_);
   bus.subscribe<messages::RouteHeader>(messages::kRouteChannel,
                                        [this](const messages::RouteHeader& route, const Stamp&) {
+                                         reaction_.need(route.map_hash);
                                          remember_route(route.request_id, route.plan);
                                        });
   bus.subscribe<messages::TrajectoryHeader>(
@@ -218,6 +219,7 @@ CommandModelService::CommandModelService(const CommandModelOptions& options, bus
       [this](const messages::TrajectoryHeader& trajectory, const Stamp&) {
         if (trajectory.plan.id != flown_plan_ &&
             (!next_flight_ || trajectory.plan.id != next_flight_->plan_id)) {
+          reaction_.need(trajectory.map_hash);
           next_trajectory_ = trajectory;
         }
       });
@@ -308,7 +310,11 @@ std::optional<FlightUnderWay> CommandModelService::newest_flight() const {
     return std::nullopt;
   }
   const std::size_t step = next_flight_ ? 0 : flight->place();
-  return FlightUnderWay{&flight->route, &*flight->trajectory, step, flight->map_hash,
+  return FlightUnderWay{&flight->route,
+                        &*flight->trajectory,
+                        step,
+                        flight->map_hash,
+                        flight->config->weights.threats > 0.0,
                         flight->via_radius_m};
 }
 
@@ -415,7 +421,7 @@ void CommandModelService::react_to_news(Time now) {
   next->patch_number = flight_->patch_number;
   next->route = flight_->route;
   next->route.request.via = via_ahead({&flight_->route, &*flight_->trajectory, flight_->place(),
-                                       flight_->map_hash, flight_->via_radius_m},
+                                       flight_->map_hash, false, flight_->via_radius_m},
                                       flight_->place());
   next->config = flight_->config;
   next->model = flight_->model;

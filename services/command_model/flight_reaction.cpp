@@ -24,7 +24,7 @@ FlightReaction::FlightReaction(const planning::ReactionOptions& options, bus::Bu
   }
   bus.subscribe<messages::MapIndex>(messages::kMapIndexChannel,
                                     [this](const messages::MapIndex& index, const Stamp& stamp) {
-                                      if (!is_flying_ || !assembly_.map()) {
+                                      if (is_map_exchanged()) {
                                         assembly_.receive(index, stamp.sender_id);
                                       }
                                     });
@@ -65,7 +65,7 @@ void FlightReaction::receive(const messages::MapPatch& message) {
 
 void FlightReaction::tick(bool is_flying) {
   is_flying_ = is_flying;
-  if (options_.horizon_s > 0.0 && (!is_flying || !assembly_.map())) {
+  if (options_.horizon_s > 0.0 && (is_map_exchanged() || assembly_.lacks_only_threats())) {
     assembly_.tick();
   }
 }
@@ -89,11 +89,19 @@ bool FlightReaction::has_news(Time now) {
 }
 
 std::optional<FlightReaction::Answer> FlightReaction::answer(
-    Time now, const std::string& crs_wkt, const planning::PlanningConfig& config,
+    Time now, const std::string& crs_wkt, const planning::PlanningConfig& planned_config,
     const planning::FlightUnderPlan& flight) {
   const std::set<std::int64_t> news = std::exchange(news_, {});
   look_again_ = now + kLookAgain_s;
-  const auto map = assembly_.map();
+  planning::PlanningConfig config = planned_config;
+  auto map = assembly_.map();
+  if (config.weights.threats > 0.0) {
+    if (const auto with_threats = assembly_.map_with_threats()) {
+      map = with_threats;
+    } else {
+      config.weights.threats = 0.0;
+    }
+  }
   if (!map || map->crs_wkt != crs_wkt ||
       !map->geometry.contains(geo::MapPoint{flight.state.x_m, flight.state.y_m}) ||
       !map::covers_height(*map, config.reference_height_m)) {

@@ -18,7 +18,7 @@ namespace hedgehop::services {
 /// Has a flight react at once to what MAP_PATCH says has appeared, numbered by map_tiler or not
 /// yet, with planning::reaction_to(). To that end it keeps the map that is on the bus. That map is
 /// exchanged on the ground alone: in flight, what has appeared since is put over the part of it
-/// that the flight ahead needs.
+/// that the flight ahead needs. A flight whose named observers have not come reacts without them.
 ///
 /// Things whose centre lies outside that part are left to whoever plans again.
 class FlightReaction {
@@ -26,6 +26,9 @@ class FlightReaction {
   /// @param options  horizon_s 0: never reacts
   FlightReaction(const planning::ReactionOptions& options, bus::Bus& bus,
                  bus::BlobExchange& exchange);
+
+  /// The map of a flight to come, which says whether named observers belong to it.
+  void need(const Hash128& map_hash) { assembly_.need(map_hash); }
 
   void tick(bool is_flying);
 
@@ -46,6 +49,7 @@ class FlightReaction {
 
  private:
   void receive(const messages::MapPatch& message);
+  [[nodiscard]] bool is_map_exchanged() const { return !is_flying_ || !assembly_.map(); }
 
   planning::ReactionOptions options_;
   bus::MapAssembly assembly_;

@@ -99,7 +99,7 @@ void FlightReplanner::ask(const FlightUnderWay& flight, double lead_s) {
   const messages::MapIndex& index = *newest_.index();
   Asked asked;
   asked.lead_s = lead_s;
-  asked.message.map_hash = index.map_hash;
+  asked.message.map_hash = index.hash_for(flight.weighs_threats);
   text_ = "; it is planned again for patch " + std::to_string(index.patch_number);
   const double step_s = flight.trajectory->step_s;
   asked.step = flight.step + static_cast<std::size_t>(std::ceil(lead_s / step_s));
@@ -117,7 +117,7 @@ void FlightReplanner::ask(const FlightUnderWay& flight, double lead_s) {
   }
   const std::string& config_text = flight.route->config_text;
   asked.message.request = *request;
-  asked.message.request_id = flight::plan_request_id(*request, index.map_hash, config_text);
+  asked.message.request_id = flight::plan_request_id(*request, asked.message.map_hash, config_text);
   asked.message.config = exchange_.offer(messages::encode_planning_config(config_text), true);
   if (asked_ids_.size() >= kAskedIdsMax) {
     asked_ids_.clear();
@@ -132,12 +132,12 @@ void FlightReplanner::tick(const std::optional<FlightUnderWay>& flight, Time now
     return;
   }
   const auto& index = newest_.index();
-  if (!flight || !index || index->map_hash == flight->map_hash) {
+  if (!flight || !index || index->hash_for(flight->weighs_threats) == flight->map_hash) {
     asked_.reset();  // answered, or there is nothing to ask any more
     text_.clear();
     return;
   }
-  if (!asked_ || asked_->message.map_hash != index->map_hash) {
+  if (!asked_ || asked_->message.map_hash != index->hash_for(flight->weighs_threats)) {
     ask(*flight, lead_s_);
   } else if (!asked_->is_given_up && flight->step >= asked_->step) {
     ask(*flight, std::min(2.0 * asked_->lead_s, kLeadMax_s));

@@ -20,6 +20,7 @@ struct FlightUnderWay {
   const flight::Trajectory* trajectory = nullptr;
   std::size_t step = 0;  // of the trajectory, where the vehicle is
   Hash128 map_hash;      // that it was planned on
+  bool weighs_threats = false;
   // Of a trajectory that is a reaction, via points that were ahead when it began are behind where
   // it has come so near to them; 0 for a plan.
   double via_radius_m = 0.0;

@@ -56,14 +56,18 @@ FlightLoggerService::FlightLoggerService(const FlightLoggerOptions& options,
   bus.subscribe<messages::PlanRequestMessage>(
       messages::kPlanRequestChannel,
       [this](const messages::PlanRequestMessage& request, const Stamp&) {
+        assembly_->need(request.map_hash);
         complete(request.config, "config of a request");
       });
-  bus.subscribe<messages::RouteHeader>(
-      messages::kRouteChannel,
-      [this](const messages::RouteHeader& route, const Stamp&) { complete(route.plan, "route"); });
+  bus.subscribe<messages::RouteHeader>(messages::kRouteChannel,
+                                       [this](const messages::RouteHeader& route, const Stamp&) {
+                                         assembly_->need(route.map_hash);
+                                         complete(route.plan, "route");
+                                       });
   bus.subscribe<messages::TrajectoryHeader>(
       messages::kTrajectoryChannel,
       [this](const messages::TrajectoryHeader& trajectory, const Stamp&) {
+        assembly_->need(trajectory.map_hash);
         complete(trajectory.route, "route");
         complete(trajectory.plan, "trajectory");
       });

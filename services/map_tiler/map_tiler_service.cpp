@@ -9,6 +9,7 @@
 #include "map/map_bundle.hpp"
 #include "messages/channels.hpp"
 #include "messages/message_error.hpp"
+#include "planning/map_for_plan.hpp"
 #include "preparation/visibility.hpp"
 
 namespace hedgehop::services {
@@ -45,7 +46,7 @@ map::Map read_map(const bus::ServiceArguments& arguments) {
   if (folder.empty()) {
     throw UsageError("no map given", "--map MAP, a folder made by `hedgehop prepare`");
   }
-  return map::read_map_bundle(folder);
+  return planning::with_threats(map::read_map_bundle(folder), folder);
 }
 
 MapTilerService::MapTilerService(const MapTilerOptions& options, map::Map map, bus::Bus& bus,
@@ -54,8 +55,9 @@ MapTilerService::MapTilerService(const MapTilerOptions& options, map::Map map, b
       bus_(bus),
       journal_(std::move(journal)),
       base_(std::make_shared<const map::Map>(std::move(map))),
+      base_hash_(map::map_hash_without_threats(*base_)),
       offer_(options.tile_cells, exchange) {
-  state_.base_map_hash = base_->hash;
+  state_.base_map_hash = base_hash_;
   read_journal();
   apply();
   repeated_.clear();
@@ -75,14 +77,29 @@ void MapTilerService::refuse(const messages::MapPatch& message, std::int64_t sen
   std::fprintf(stderr, "refused: %s\n", state_.refusal.c_str());
 }
 
+std::string MapTilerService::reason_against(const map::Patch& patch) const {
+  if (patch.kind == map::PatchKind::kThreat && !base_->threats.empty()) {
+    const auto others = std::count_if(patches_.begin(), patches_.end(), [&](const auto& entry) {
+      return entry.first != patch.id && entry.second.is_present &&
+             entry.second.patch.kind == map::PatchKind::kThreat;
+    });
+    const int threats_max = messages::threats_max(base_->geometry, options_.tile_cells);
+    if (static_cast<std::ptrdiff_t>(base_->threats.size()) + others >= threats_max) {
+      return std::to_string(threats_max) +
+             " named observers are there already, and the bus carries no more over so many cells";
+    }
+  }
+  return preparation::reason_against(*base_, patch);
+}
+
 void MapTilerService::receive(const messages::MapPatch& message, const messages::Stamp& stamp) {
   if (message.patch_number != 0) {
     return;  // of this or another map_tiler
   }
-  if (message.base_map_hash != base_->hash) {
+  if (message.base_map_hash != base_hash_) {
     refuse(message, stamp.sender_id,
            "it is for the base map " + message.base_map_hash.hex() + ", this one is " +
-               base_->hash.hex());
+               base_hash_.hex());
     return;
   }
   const auto known = patches_.find(message.patch.id);
@@ -106,7 +123,7 @@ void MapTilerService::receive(const messages::MapPatch& message, const messages:
                  "map again with them in it");
       return;
     }
-    if (const std::string why = preparation::reason_against(*base_, message.patch); !why.empty()) {
+    if (const std::string why = reason_against(message.patch); !why.empty()) {
       refuse(message, stamp.sender_id, why);
       return;
     }
@@ -138,16 +155,15 @@ void MapTilerService::read_journal() {
     } catch (const messages::MessageError& error) {
       refuse(error.what());
     }
-    if (message.base_map_hash != base_->hash) {
+    if (message.base_map_hash != base_hash_) {
       refuse("holds patches for the base map " + message.base_map_hash.hex() + ", this one is " +
-             base_->hash.hex());
+             base_hash_.hex());
     }
     if (message.patch_number != static_cast<std::int64_t>(history_.size()) + 1) {
       refuse("patch " + std::to_string(history_.size() + 1) + " is missing");
     }
     if (message.is_present) {
-      if (const std::string why = preparation::reason_against(*base_, message.patch);
-          !why.empty()) {
+      if (const std::string why = reason_against(message.patch); !why.empty()) {
         refuse("patch " + std::to_string(message.patch_number) + ": " + why);
       }
     }
@@ -189,7 +205,7 @@ void MapTilerService::apply() {
                                          *base_, present, options_.patches, observer));
   index_ = offer_.offer(map);
   index_.patch_number = static_cast<std::int64_t>(history_.size());
-  state_.map_hash = map->hash;
+  state_.map_hash = index_.map_hash;
   state_.patch_number = index_.patch_number;
   state_.patch_count = static_cast<std::int32_t>(present.size());
   for (; applied_ < history_.size(); ++applied_) {

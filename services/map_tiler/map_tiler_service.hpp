@@ -28,7 +28,8 @@ struct MapTilerOptions {
 };
 MapTilerOptions read_map_tiler_options(ConfigReader reader);
 
-/// The map that the option --map names. Throws UsageError without it, DataError for a damaged one.
+/// The map that the option --map names, with its named observers. Throws UsageError without it,
+/// DataError for a damaged one.
 map::Map read_map(const bus::ServiceArguments& arguments);
 
 /// Puts one map on the bus: announces MAP_INDEX and serves the chunks of its blobs to whoever asks.
@@ -36,7 +37,10 @@ map::Map read_map(const bus::ServiceArguments& arguments);
 /// MAP_PATCH changes it: what passes preparation::reason_against() gets the next number, the
 /// patched map takes the place of the one before, and only then is the patch repeated with its
 /// number. A patch that is repeated, or changes nothing, keeps its number. Patches for another base
-/// map are refused.
+/// map are refused, and observers beyond what the bus carries, if the map has named ones.
+///
+/// The hash of a map is that without its named observers, here and in all messages; MAP_INDEX names
+/// the other one beside it.
 class MapTilerService {
  public:
   /// @param journal  file that keeps the patches, an LCM log of MAP_PATCH; read now if it exists,
@@ -51,6 +55,7 @@ class MapTilerService {
  private:
   void receive(const messages::MapPatch& message, const messages::Stamp& stamp);
   void refuse(const messages::MapPatch& message, std::int64_t sender_id, const std::string& why);
+  [[nodiscard]] std::string reason_against(const map::Patch& patch) const;
   void accept(const messages::MapPatch& message);
   void read_journal();
   void write_journal() const;
@@ -61,6 +66,7 @@ class MapTilerService {
   bus::Bus& bus_;
   std::filesystem::path journal_;
   std::shared_ptr<const map::Map> base_;
+  Hash128 base_hash_;
   bus::MapOffer offer_;
   messages::MapIndex index_;
   std::map<std::int64_t, messages::MapPatch> patches_;  // newest of each id, gone ones too

@@ -219,14 +219,13 @@ void PlannerDesk::receive(const messages::PlanCancel& cancel) {
 }
 
 bool PlannerDesk::is_ready(const Job& job) const {
-  const auto map = assembly_.map();
-  return map && map->hash == job.question.map_hash && !is_superseded(job) &&
+  return assembly_.map_of(job.question.map_hash) && !is_superseded(job) &&
          exchange_.is_complete(job.question.input.id);
 }
 
 bool PlannerDesk::is_superseded(const Job& job) const {
   const auto& index = assembly_.index();
-  return index && index->map_hash != job.question.map_hash;
+  return index && !index->offers(job.question.map_hash);
 }
 
 std::string PlannerDesk::lack_of(const Job& job) const {
@@ -242,8 +241,7 @@ std::string PlannerDesk::lack_of(const Job& job) const {
   if (is_superseded(job)) {
     return "map " + job.question.map_hash.hex() + "; the bus has " + map_text(*index);
   }
-  const auto map = assembly_.map();
-  if (map && map->hash == job.question.map_hash) {
+  if (assembly_.map_of(job.question.map_hash)) {
     return {};
   }
   if (index && !assembly_.refusal().empty()) {
@@ -253,6 +251,11 @@ std::string PlannerDesk::lack_of(const Job& job) const {
 }
 
 void PlannerDesk::tick(Time now) {
+  for (const Job& job : jobs_) {
+    if (!job.is_over()) {
+      assembly_.need(job.question.map_hash);
+    }
+  }
   assembly_.tick();
   answer_again();
   drop_old_answers();
@@ -285,8 +288,7 @@ void PlannerDesk::wait(Job& job, Time now) {
     const std::string title = "request " + short_id(job.question.request_id);
     std::fprintf(stderr, "%s still waits for: %s\n", title.c_str(), lack.c_str());
     loop_.set_state(messages::ServiceState::kDegraded, title + " waits for: " + lack);
-    const auto& index = assembly_.index();
-    if (index && index->map_hash != job.question.map_hash) {
+    if (is_superseded(job)) {
       job.status.state = PlanState::kRefused;
       job.status.text = "it asks for " + lack;
     }
@@ -334,7 +336,7 @@ void PlannerDesk::work(Job& job) {
   job.status.text.clear();
   publish_status(job, bus_.now());
   working_ = &job;
-  const std::shared_ptr<const map::Map> map = assembly_.map();
+  const std::shared_ptr<const map::Map> map = assembly_.map_of(job.question.map_hash);
   const bool stays_on_bus = !bus_.url().starts_with("file:");
   WorkingObserver observer(*this, job, stays_on_bus);
   const auto refuse = [&](const std::string& why) {

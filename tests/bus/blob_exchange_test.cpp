@@ -3,6 +3,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <iostream>
@@ -11,6 +12,7 @@
 #include <memory>
 #include <random>
 
+#include "base/errors.hpp"
 #include "bus/map_exchange.hpp"
 #include "bus/packing.hpp"
 #include "messages/map_tiles.hpp"
@@ -755,6 +757,223 @@ TEST(MapExchange, AWholeMapStaysWhileAnotherTilerOffersAnotherOneAndNamesIt) {
     assembly.receive(index_2, 8);
   }
   EXPECT_EQ(assembly.index()->map_hash, second.hash);
+}
+
+// ----------------------------------------------------------------------------------------------
+// Named observers
+
+void add_observer(std::mt19937_64& random, const std::string& name, map::Map& map) {
+  map::HeightLayer& layer = map.threats.emplace_back();
+  layer.name = name;
+  layer.height_m = raster::Grid<float>(map.geometry, std::nanf(""));
+  for (float& height_m : layer.height_m.values()) {
+    if (random() % 3 != 0) {
+      height_m = static_cast<float>(random() % 20000) / 64.0F;
+    }
+  }
+  test::finish_map(map);
+}
+
+map::Map watched_map(std::mt19937_64& random, int columns, int rows) {
+  map::Map map = random_map(random, columns, rows);
+  add_observer(random, "tower", map);
+  add_observer(random, "hill \xC3\xBC", map);
+  return map;
+}
+
+void expect_same_observers(const map::Map& a, const map::Map& b) {
+  ASSERT_EQ(a.threats.size(), b.threats.size());
+  for (std::size_t i = 0; i < a.threats.size(); ++i) {
+    EXPECT_EQ(a.threats[i].name, b.threats[i].name);
+    EXPECT_EQ(std::memcmp(a.threats[i].height_m.row(0), b.threats[i].height_m.row(0),
+                          4 * a.geometry.cell_count()),
+              0);
+  }
+}
+
+// A tiler and a planner, and the planner's map.
+class WatchedMapExchange : public testing::Test {
+ protected:
+  void receive(const messages::MapIndex& index) {
+    constexpr std::int64_t kTiler = 7;
+    index_ = index;
+    assembly_.receive(index, kTiler);
+  }
+  bool run_until(const std::function<bool()>& is_reached) {
+    network_.run(60.0, [&] {
+      assembly_.receive(index_, 7);
+      assembly_.tick();
+      return is_reached();
+    });
+    return is_reached();
+  }
+  bool collect(const Hash128& hash) {
+    return run_until([&] { return assembly_.map_of(hash) != nullptr; });
+  }
+
+  std::mt19937_64 random_{3};
+  Network network_{1, 0.1, 0.1, 0.01};
+  BlobExchange& tiler_ = network_.add(quick_options());
+  BlobExchange& planner_ = network_.add(quick_options());
+  MapAssembly assembly_{planner_};
+  messages::MapIndex index_;
+};
+
+TEST_F(WatchedMapExchange, NamedObserversTravelOnceSomebodyNeedsThemAndArriveBitForBit) {
+  const map::Map map = watched_map(random_, 100, 70);
+  map::Map bare = map;
+  bare.threats.clear();
+  test::finish_map(bare);
+  const messages::MapIndex index = offer_map(map, 32, tiler_);
+  EXPECT_EQ(index.map_hash, bare.hash);
+  ASSERT_TRUE(index.threats.has_value());
+  EXPECT_EQ(index.threats->count, 2);
+  EXPECT_EQ(index.threats->map_hash, map.hash);
+  receive(index);
+  assembly_.need(bare.hash);
+  ASSERT_TRUE(collect(bare.hash));
+  expect_same_map(*assembly_.map(), bare);
+  EXPECT_TRUE(assembly_.map()->threats.empty());
+  EXPECT_EQ(assembly_.missing(), "");
+  EXPECT_EQ(assembly_.map_with_threats(), nullptr);
+  EXPECT_FALSE(assembly_.lacks_only_threats());
+  EXPECT_FALSE(planner_.is_complete(index.threats->table.id));
+
+  assembly_.need(map.hash);
+  assembly_.tick();
+  EXPECT_TRUE(assembly_.lacks_only_threats());
+  EXPECT_THAT(assembly_.missing(), testing::HasSubstr("table of named observers"));
+  ASSERT_TRUE(collect(map.hash));
+  const auto with = assembly_.map_of(map.hash);
+  EXPECT_EQ(assembly_.map_with_threats(), with);
+  expect_same_map(*with, map);
+  expect_same_observers(*with, map);
+  EXPECT_EQ(assembly_.map()->hash, bare.hash);
+  EXPECT_EQ(assembly_.missing(), "");
+  EXPECT_EQ(planner_.missing_chunk_count(), 0);
+}
+
+TEST_F(WatchedMapExchange, WhatIsNeededBeforeAnIndexIsHeardIsCollectedToo) {
+  const map::Map map = watched_map(random_, 40, 40);
+  assembly_.need(map.hash);
+  receive(offer_map(map, 32, tiler_));
+  EXPECT_TRUE(collect(map.hash));
+}
+
+TEST_F(WatchedMapExchange, OfAnObserverWhoAppearsOnlyItsOwnTilesTravel) {
+  const auto first = std::make_shared<const map::Map>(watched_map(random_, 100, 70));
+  auto second = std::make_shared<map::Map>(*first);
+  add_observer(random_, "", *second);
+  MapOffer offer(32, tiler_);
+  receive(offer.offer(first));
+  assembly_.need(first->hash);
+  ASSERT_TRUE(collect(first->hash));
+  const std::int64_t before = tiler_.sent_chunk_count();
+
+  receive(offer.offer(second));
+  ASSERT_TRUE(collect(second->hash));
+  expect_same_observers(*assembly_.map_with_threats(), *second);
+  // One layer of 28,000 bytes that do not pack; loss is asked for again.
+  EXPECT_LT(tiler_.sent_chunk_count() - before, 2 * 28000 / messages::kChunkBytes);
+
+  // And gone again.
+  receive(offer.offer(first));
+  ASSERT_TRUE(run_until([&] {
+    const auto with = assembly_.map_with_threats();
+    return with && with->hash == first->hash;
+  }));
+  expect_same_observers(*assembly_.map_with_threats(), *first);
+  EXPECT_EQ(planner_.missing_chunk_count(), 0);
+}
+
+TEST_F(WatchedMapExchange, AnObserverWhoGoesWhileItsTilesAreCollectedLeavesNoQuestions) {
+  const auto first = std::make_shared<const map::Map>(watched_map(random_, 100, 70));
+  auto bare = std::make_shared<map::Map>(*first);
+  bare->threats.clear();
+  test::finish_map(*bare);
+  MapOffer offer(32, tiler_);
+  receive(offer.offer(first));
+  assembly_.need(first->hash);
+  ASSERT_TRUE(
+      run_until([&] { return assembly_.missing().find("layer observer") != std::string::npos; }));
+  receive(offer.offer(bare));
+  EXPECT_EQ(assembly_.missing(), "");
+  EXPECT_EQ(planner_.missing_chunk_count(), 0);
+  EXPECT_EQ(assembly_.map_with_threats(), nullptr);
+}
+
+TEST_F(WatchedMapExchange, ObserversThatAreNotWhatTheIndexSaysAreRefusedAndTheMapStays) {
+  const map::Map map = watched_map(random_, 40, 40);
+  const messages::MapIndex honest = offer_map(map, 32, tiler_);
+  const auto expect_refused = [&](const messages::MapIndex& index, const std::string& why) {
+    receive(index);
+    assembly_.need(index.threats->map_hash);
+    ASSERT_TRUE(run_until([&] { return !assembly_.refusal().empty(); }));
+    EXPECT_THAT(assembly_.refusal(), testing::HasSubstr(why));
+    EXPECT_THAT(assembly_.missing(), testing::HasSubstr(why));
+    ASSERT_NE(assembly_.map(), nullptr);
+    EXPECT_EQ(assembly_.map()->hash, honest.map_hash);
+    EXPECT_EQ(assembly_.map_with_threats(), nullptr);
+    EXPECT_EQ(planner_.missing_chunk_count(), 0);
+  };
+  messages::MapIndex other_count = honest;
+  other_count.threats->count = 1;
+  expect_refused(other_count, "num_threats");
+  messages::MapIndex other_hash = honest;
+  other_hash.threats->map_hash = {1, 2};
+  expect_refused(other_hash, "map_hash");
+  messages::MapIndex other_blob = honest;
+  other_blob.threats->table = honest.features;
+  expect_refused(other_blob, "fingerprint");
+  // Tiles that are whole, but of other observers than the hash says.
+  map::Map swapped = map;
+  std::swap(swapped.threats[0].height_m, swapped.threats[1].height_m);
+  expect_refused(offer_map(swapped, 32, tiler_), "content does not match its hash");
+  map::Map below = map;
+  below.threats[1].height_m.at(5, 6) = -2.0F;
+  test::finish_map(below);
+  expect_refused(offer_map(below, 32, tiler_), "holds -2 m at column 5, row 6");
+
+  receive(honest);
+  ASSERT_TRUE(collect(map.hash));
+  expect_same_observers(*assembly_.map_with_threats(), map);
+}
+
+TEST(MapExchange, MoreObserversThanTheBusCarriesAreRefusedByTheirTiler) {
+  BlobExchange tiler(
+      quick_options(), 1, [](const Chunk&) {}, [](const ChunkRequest&) {});
+  map::Map map = test::make_map(20, 20, 30.0, [](double, double) { return 1.0; });
+  map.threats.assign(100, {"tower", raster::Grid<float>(map.geometry, 3.0F)});
+  test::finish_map(map);
+  EXPECT_EQ(offer_map(map, 32, tiler).threats->count, 100);
+  map.threats.push_back(map.threats[0]);
+  test::finish_map(map);
+  try {
+    offer_map(map, 32, tiler);
+    FAIL() << "101 observers";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("101 named observers"));
+    EXPECT_THAT(error.hint(), testing::HasSubstr("--observers"));
+  }
+  map.threats.resize(1);
+  map.threats[0].name.assign(201, 'x');
+  test::finish_map(map);
+  EXPECT_THROW(offer_map(map, 32, tiler), UsageError);
+}
+
+TEST(NewestIndex, TheSameMapWithOtherObserversIsAnotherOne) {
+  messages::MapIndex index;
+  index.map_hash = {1, 2};
+  NewestIndex newest;
+  newest.hear(index, 7);
+  messages::MapIndex other = index;
+  other.threats = messages::ThreatLayers{1, {3, 4}, {}};
+  for (int i = 0; i < 2; ++i) {
+    newest.hear(other, 8);
+    EXPECT_FALSE(newest.index()->threats.has_value());
+  }
+  newest.hear(other, 8);
+  EXPECT_EQ(newest.index()->hash_for(true), (Hash128{3, 4}));
 }
 
 }  // namespace

@@ -199,7 +199,7 @@ TEST(Network, MessagesOfAnotherTypeOrVersionAreRefusedAndNamed) {
   send(of_another_type);
   ASSERT_TRUE(poll_until(b, 5.0, [&] { return b.counters().rejected == 1; }));
   EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("MAP_INDEX"));
-  EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("map_index_t"));
+  EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("map_index_v2_t"));
   EXPECT_THAT(b.counters().last_rejection, testing::HasSubstr("fingerprint"));
   // The version stands after fingerprint, time, sender and number.
   Bytes of_another_version = good;

@@ -34,7 +34,7 @@ struct Target {
 const std::vector<Target>& targets() {
   using namespace messages;
   static const std::vector<Target> kTargets = {
-      {"map_index_t", decode<MapIndex>},
+      {"map_index_t", decode<MapIndex>},  // sent in its second form only
       {"map_patch_t",
        [](ByteView bytes) {
          Stamp stamp;
@@ -78,6 +78,15 @@ const std::vector<Target>& targets() {
          decode_map_tile(bytes, tiling_of(index), {MapLayer::kTerrain, 1, 1}, map);
        }},
       {"route_plan_v2_t", [](ByteView bytes) { decode_route_plan(bytes); }},
+      {"map_index_v2_t", decode<MapIndex>},
+      {"map_threats_t",
+       [](ByteView bytes) {
+         const Tiling tiling{40, 40, 32};
+         const MapThreats threats = decode_map_threats(bytes, Hash128{}, tiling, 2);
+         if (encode_map_threats(Hash128{}, tiling, threats) != Bytes(bytes.begin(), bytes.end())) {
+           std::abort();
+         }
+       }},
   };
   return kTargets;
 }

@@ -76,6 +76,8 @@ int main(int argc, char** argv) {
     for (std::size_t i = 0; i < static_cast<std::size_t>(4 * tiling.tile_count()); ++i) {
       refs.push_back(test::example_ref(i + 1));
     }
+    const messages::MapThreats threats{{"tower", "hill"},
+                                       {refs.begin(), refs.begin() + 2 * tiling.tile_count()}};
     flight::RoutePlan dearer = test::example_route_plan();
     dearer.route.cost.wire_crossings_m = 12.5;
     for (const Bytes& blob :
@@ -83,9 +85,10 @@ int main(int argc, char** argv) {
           messages::encode_route_plan(test::example_route_plan()),
           messages::encode_route_plan(dearer),
           messages::encode_flight_plan(test::example_plan(), {51, 52}),
-          messages::encode_map_features(map),
+          messages::encode_map_features(map, map.hash),
           messages::encode_map_tile(map, 16, {messages::MapLayer::kTerrain, 1, 0}),
-          messages::encode_map_tile_table(map.hash, tiling, refs)}) {
+          messages::encode_map_tile_table(map.hash, tiling, refs),
+          messages::encode_map_threats(map.hash, tiling, threats)}) {
       writer.write(time, "BLOB", blob);
     }
     for (const messages::TypeFingerprint& type : messages::type_fingerprints()) {

@@ -59,7 +59,7 @@ Bytes again(const Bytes& bytes) {
 const std::map<std::string, std::function<Bytes(const Bytes&)>>& decoders() {
   using namespace messages;
   static const std::map<std::string, std::function<Bytes(const Bytes&)>> kDecoders = {
-      {"map_index_t", again<MapIndex>},
+      {"map_index_v2_t", again<MapIndex>},
       {"map_patch_v2_t", again<MapPatch>},
       {"map_patch_state_t", again<MapPatchState>},
       {"chunk_t", again<Chunk>},
@@ -73,7 +73,17 @@ const std::map<std::string, std::function<Bytes(const Bytes&)>>& decoders() {
       {"vehicle_state_t", again<VehicleState>},
       {"local_histogram_t", again<LocalHistogram>},
       {"service_status_t", again<ServiceStatus>},
-      // Read, but sent in its second form.
+      // Read, but sent in their second forms.
+      {"map_index_t",
+       [](const Bytes& bytes) {
+         Stamp stamp;
+         const auto index = from_message<MapIndex>(bytes, stamp);
+         EXPECT_EQ(index.map_hash.hex(), "0123456789abcdeffedcba9876543210");
+         EXPECT_EQ(index.geometry.rows, 890);
+         EXPECT_EQ(index.label, "SYNTHETIC REGION");
+         EXPECT_FALSE(index.threats.has_value());
+         return bytes;
+       }},
       {"map_patch_t",
        [](const Bytes& bytes) {
          Stamp stamp;
@@ -149,7 +159,8 @@ TEST(Golden, EveryMessageOfEveryReleaseIsReadAndIsTheSameWhenSentAgain) {
         EXPECT_EQ(
             messages::encode_flight_plan(messages::decode_flight_plan(event->bytes, route, id), id),
             event->bytes);
-      } else if (type->second == "map_features_t" || type->second == "map_tile_table_t") {
+      } else if (type->second == "map_features_t" || type->second == "map_tile_table_t" ||
+                 type->second == "map_threats_t") {
         // The map's hash stands behind fingerprint and version.
         Hash128 hash;
         for (std::size_t i = 0; i < 16; ++i) {
@@ -162,7 +173,12 @@ TEST(Golden, EveryMessageOfEveryReleaseIsReadAndIsTheSameWhenSentAgain) {
           map.hash = hash;
           ASSERT_EQ(map.obstacles.size(), 1U);
           EXPECT_EQ(map.obstacles[0].name, "mast");
-          EXPECT_EQ(messages::encode_map_features(map), event->bytes);
+          EXPECT_EQ(messages::encode_map_features(map, map.hash), event->bytes);
+        } else if (type->second == "map_threats_t") {
+          const messages::Tiling tiling{20, 17, 16, 0};
+          const auto threats = messages::decode_map_threats(event->bytes, hash, tiling, 2);
+          EXPECT_THAT(threats.names, testing::ElementsAre("tower", "hill"));
+          EXPECT_EQ(messages::encode_map_threats(hash, tiling, threats), event->bytes);
         } else {
           const messages::Tiling tiling{20, 17, 16, 0};
           const auto refs = messages::decode_map_tile_table(event->bytes, hash, tiling);

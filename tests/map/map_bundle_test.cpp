@@ -190,6 +190,36 @@ TEST(MapBundle, AnExposureVolumeComesBackWithItsHeightsAndBelongsToTheHash) {
   }
 }
 
+TEST(MapBundle, NamedObserversHaveAHashOfTheirOwnAndHeightsThatAreSome) {
+  Map map = test::make_map(30, 20, 30.0, [](double x_m, double) { return x_m; });
+  const Hash128 bare = map.hash;
+  EXPECT_EQ(map_hash_without_threats(map), bare);
+  map.threats = {{"tower", raster::Grid<float>(map.geometry, 3.0F)}};
+  map.threats[0].height_m.at(2, 3) = std::nanf("");
+  map.threats[0].height_m.at(3, 3) = 0.0F;
+  test::finish_map(map);
+  EXPECT_NE(map.hash, bare);
+  EXPECT_EQ(map_hash_without_threats(map), bare);
+  EXPECT_NO_THROW(validate(map));
+
+  for (const float bad_m : {-0.5F, std::numeric_limits<float>::infinity()}) {
+    Map bad = map;
+    bad.threats[0].height_m.at(7, 11) = bad_m;
+    test::finish_map(bad);
+    EXPECT_THROW(validate(bad), DataError);
+    try {
+      validate_threats(bad);
+      ADD_FAILURE() << bad_m;
+    } catch (const DataError& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr("'tower'"));
+      EXPECT_THAT(error.what(), testing::HasSubstr("column 7, row 11"));
+    }
+  }
+  Map other = map;
+  other.threats[0].height_m = raster::Grid<float>({0.0, 0.0, 30.0, 30, 21}, 3.0F);
+  EXPECT_THROW(validate_threats(other), DataError);
+}
+
 TEST(MapBundle, HeightBandsAreWrittenWithTheirNames) {
   const Map map = test::make_map(30, 20, 30.0, [](double, double) { return 1.0; });
   raster::Grid<float> one(map.geometry, 3.0F);

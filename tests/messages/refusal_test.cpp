@@ -48,7 +48,7 @@ void expect_refused(const T& example, const std::string& field,
 
 TEST(Refusal, AnotherVersionIsRefusedByEveryType) {
   const auto spoil = [](auto& wire) { ++wire.version; };
-  expect_refused<map_index_t>(test::example_map_index(), "version", spoil);
+  expect_refused<map_index_v2_t>(test::example_map_index(), "version", spoil);
   expect_refused<map_patch_v2_t>(test::example_map_patch(), "version", spoil);
   expect_refused<map_patch_state_t>(test::example_map_patch_state(), "version", spoil);
   expect_refused<chunk_t>(test::example_chunk(), "version", spoil);
@@ -75,8 +75,8 @@ TEST(Refusal, TimesAndNumbersOfSendersMustMakeSense) {
 TEST(Refusal, MapIndexWithoutSenseIsRefused) {
   const MapIndex good = test::example_map_index();
   const auto refuse = [&](const std::string& field,
-                          const std::function<void(map_index_t&)>& spoil) {
-    expect_refused<map_index_t>(good, field, spoil);
+                          const std::function<void(map_index_v2_t&)>& spoil) {
+    expect_refused<map_index_v2_t>(good, field, spoil);
   };
   refuse("west_m", [](auto& w) { w.west_m = kNan; });
   refuse("south_m", [](auto& w) { w.south_m = kInfinity; });
@@ -97,6 +97,23 @@ TEST(Refusal, MapIndexWithoutSenseIsRefused) {
   refuse("tile_table.packed_bytes", [](auto& w) { w.tile_table.packed_bytes = -5; });
   refuse("tile_table.content_bytes", [](auto& w) { w.tile_table.content_bytes = 1LL << 40; });
   refuse("features.chunk_count", [](auto& w) { ++w.features.chunk_count; });
+  refuse("threat_count", [](auto& w) { w.threat_count = -1; });
+  refuse("threat_count", [](auto& w) { w.threat_count = 101; });
+  // 70 million cells are allowed with two heights more; 7 observers need 1.96 GB beside them.
+  refuse("threat_count", [](auto& w) {
+    w.column_count = 7000;
+    w.row_count = 10000;
+  });
+  // 2 million tiles in all.
+  refuse("threat_count", [](auto& w) {
+    w.column_count = w.row_count = 4000;
+    w.tile_cell_count = 16;
+  });
+  refuse("threats.packed_bytes", [](auto& w) { w.threats.packed_bytes = 0; });
+  refuse("threats_map_hash", [](auto& w) {
+    w.threats_map_hash[0] = w.map_hash[0];
+    w.threats_map_hash[1] = w.map_hash[1];
+  });
   refuse("label", [](auto& w) { w.label.assign(200, 'x'); });
   refuse("label", [](auto& w) { w.label = "\x1b[2J"; });
   refuse("patch_number", [](auto& w) { w.patch_number = -1; });
@@ -451,11 +468,80 @@ TEST(MapTiles, TableOfAnotherMapOrSizeIsRefused) {
   EXPECT_THROW(encode_map_tile_table({5, 6}, tiling, tiles), std::invalid_argument);
 }
 
+TEST(MapTiles, ATileOfAnObserverIsThatOfNoOther) {
+  map::Map map = test::make_map(40, 40, 10.0, [](double x, double) { return x; });
+  map.threats = {{"a", raster::Grid<float>(map.geometry, 3.5F)},
+                 {"b", raster::Grid<float>(map.geometry, 3.5F)}};
+  const Tiling tiling{40, 40, 32};
+  const TileAddress second = threat_tile_address(tiling, 7);
+  EXPECT_EQ(name_of(second), "layer observer 2, tile column 1, tile row 1");
+  const Bytes tile = encode_map_tile(map, 32, second);
+  map::Map copy = map;
+  for (map::HeightLayer& threat : copy.threats) {
+    std::fill(threat.height_m.values().begin(), threat.height_m.values().end(), 0.0F);
+  }
+  decode_map_tile(tile, tiling, second, copy);
+  EXPECT_EQ(copy.threats[1].height_m.at(39, 39), 3.5F);
+  EXPECT_EQ(copy.threats[1].height_m.at(31, 39), 0.0F);
+  EXPECT_EQ(copy.threats[0].height_m.at(39, 39), 0.0F);
+  EXPECT_THROW(decode_map_tile(tile, tiling, threat_tile_address(tiling, 3), copy), MessageError);
+}
+
+TEST(MapTiles, NamedObserversWithoutSenseAreRefused) {
+  const Tiling tiling{40, 40, 32};
+  const MapThreats threats{{"tower", ""}, std::vector<BlobRef>(8, BlobRef{{1, 2}, 100, 200})};
+  const Bytes good = encode_map_threats({5, 6}, tiling, threats);
+  const MapThreats back = decode_map_threats(good, {5, 6}, tiling, 2);
+  EXPECT_EQ(back.names, threats.names);
+  EXPECT_EQ(back.tiles, threats.tiles);
+
+  const auto refusal_of = [&](const std::function<void(map_threats_t&)>& spoil) -> std::string {
+    map_threats_t wire{};
+    EXPECT_GT(wire.decode(good.data(), 0, static_cast<int>(good.size())), 0);
+    spoil(wire);
+    try {
+      decode_map_threats(bytes_of_wire(wire), {5, 6}, tiling, 2);
+    } catch (const MessageError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  using testing::HasSubstr;
+  EXPECT_EQ(refusal_of([](auto&) {}), "accepted");
+  EXPECT_THAT(refusal_of([](auto& w) { ++w.version; }), HasSubstr("version"));
+  EXPECT_THAT(refusal_of([](auto& w) { ++w.map_hash[1]; }), HasSubstr("map_hash"));
+  EXPECT_THAT(refusal_of([](auto& w) { w.names[0].assign(201, 'x'); }), HasSubstr("names"));
+  EXPECT_THAT(refusal_of([](auto& w) { w.names[1] = "\x1b[2J"; }), HasSubstr("names"));
+  EXPECT_THAT(refusal_of([](auto& w) { w.names[1] = "\xC3"; }), HasSubstr("names is no UTF-8"));
+  EXPECT_THAT(refusal_of([](auto& w) { w.tile_column_count = 3; }), HasSubstr("tile_column_count"));
+  EXPECT_THAT(refusal_of([](auto& w) { w.tile_row_count = 1; }), HasSubstr("tile_row_count"));
+  EXPECT_THAT(refusal_of([](auto& w) { w.tiles[3].packed_bytes = -1; }),
+              HasSubstr("tiles.packed_bytes"));
+  EXPECT_THAT(refusal_of([](auto& w) { w.tiles[3].content_bytes = 1LL << 30; }),
+              HasSubstr("tiles.content_bytes"));
+  EXPECT_THAT(refusal_of([](auto& w) {
+                w.num_threats = 1;
+                w.names.pop_back();
+              }),
+              HasSubstr("num_threats"));
+  EXPECT_THAT(refusal_of([](auto& w) {
+                w.num_tiles = 7;
+                w.tiles.pop_back();
+              }),
+              HasSubstr("num_tiles"));
+  Bytes endless = good;
+  endless[8 + 2 + 16] = std::byte{0x7f};  // num_threats, two billion names
+  EXPECT_THROW(decode_map_threats(endless, {5, 6}, tiling, 2), MessageError);
+  EXPECT_THROW(decode_map_threats(good, {5, 6}, tiling, 3), MessageError);
+  EXPECT_THROW(encode_map_threats({5, 6}, tiling, {{std::string(201, 'x')}, threats.tiles}),
+               std::invalid_argument);
+}
+
 TEST(MapTiles, SupportsOfOverheadLinesMustAddUp) {
   map::Map map = test::make_map(20, 20, 10.0, [](double, double) { return 0.0; });
   map.overhead_lines = {{9, {{{1.0, 2.0}, 30.0}, {{3.0, 4.0}, 31.0}}}};
   test::finish_map(map);
-  const Bytes good = encode_map_features(map);
+  const Bytes good = encode_map_features(map, map.hash);
   map_features_t wire{};
   wire.decode(good.data(), 0, static_cast<int>(good.size()));
   wire.overhead_line_support_count[0] = 3;
@@ -499,7 +585,7 @@ TEST(MapTiles, FeaturesArriveAsTheyWere) {
   copy.obstacles.clear();
   copy.areas.clear();
   EXPECT_NE(map::map_hash(copy), map.hash);
-  decode_map_features(encode_map_features(map), map.hash, copy);
+  decode_map_features(encode_map_features(map, map.hash), map.hash, copy);
   EXPECT_EQ(map::map_hash(copy), map.hash);
 }
 
@@ -530,7 +616,7 @@ TEST(MapTiles, EveryPartOfAFeatureIsPartOfTheMapsIdentity) {
 
 TEST(MapTiles, FeaturesThatDoNotAddUpAreRefused) {
   const map::Map map = map_with_features();
-  const Bytes good = encode_map_features(map);
+  const Bytes good = encode_map_features(map, map.hash);
   const auto refuses = [&](const auto& change) {
     map_features_t wire{};
     wire.decode(good.data(), 0, static_cast<int>(good.size()));

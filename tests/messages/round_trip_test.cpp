@@ -74,7 +74,7 @@ struct Trip {
   } while (false)
 
 TEST(RoundTrip, MapIndexKeepsEachFieldUnderItsName) {
-  const Trip<map_index_t, MapIndex> trip(test::example_map_index());
+  const Trip<map_index_v2_t, MapIndex> trip(test::example_map_index());
   SAME_HASH(map_hash, map_hash);
   SAME(patch_number, patch_number);
   SAME(west_m, geometry.west_m);
@@ -86,11 +86,63 @@ TEST(RoundTrip, MapIndexKeepsEachFieldUnderItsName) {
   SAME(reference_height_m, reference_height_m);
   SAME_REF(tile_table, tile_table);
   SAME_REF(features, features);
+  SAME(threat_count, threats->count);
+  SAME_HASH(threats_map_hash, threats->map_hash);
+  SAME_REF(threats, threats->table);
   SAME(label, label);
   EXPECT_THAT(trip.wire.layers, testing::ElementsAre(0, 1, 2, 3, 4, 4));
   EXPECT_EQ(trip.wire.layer_height_m[3], trip.sent.reference_height_m);
   SAME(layer_height_m[4], further_heights_m[0]);
   SAME(layer_height_m[5], further_heights_m[1]);
+}
+
+TEST(RoundTrip, AMapIndexWithoutNamedObserversSaysThatThereAreNone) {
+  MapIndex index = test::example_map_index();
+  index.threats.reset();
+  const Trip<map_index_v2_t, MapIndex> trip(index);
+  EXPECT_EQ(trip.wire.threat_count, 0);
+  EXPECT_EQ(trip.back, index);
+  EXPECT_EQ(index.hash_for(true), index.map_hash);
+  EXPECT_FALSE(index.offers({81, 82}));
+  const MapIndex with = test::example_map_index();
+  EXPECT_EQ(with.hash_for(true), (Hash128{81, 82}));
+  EXPECT_EQ(with.hash_for(false), index.map_hash);
+  EXPECT_TRUE(with.offers({81, 82}) && with.offers(index.map_hash));
+  EXPECT_FALSE(with.offers({81, 83}));
+}
+
+TEST(RoundTrip, AMapIndexOfTheFirstFormIsStillReadAndHasNoNamedObservers) {
+  map_index_t wire{};
+  wire.utime = 7;
+  wire.sender_id = 8;
+  wire.seq = 9;
+  wire.version = map_index_t::VERSION;
+  wire.map_hash[0] = 1;
+  wire.map_hash[1] = 2;
+  wire.patch_number = 3;
+  wire.cell_m = 30.0;
+  wire.column_count = 75;
+  wire.row_count = 89;
+  wire.tile_cell_count = 64;
+  wire.reference_height_m = 15.24;
+  wire.num_layers = 4;
+  wire.layers = {0, 1, 2, 3};
+  wire.layer_height_m = {0.0, 0.0, 0.0, 15.24};
+  for (blob_ref_t* ref : {&wire.tile_table, &wire.features}) {
+    ref->packed_bytes = 10;
+    ref->chunk_count = 1;
+  }
+  wire.label = "old";
+  Bytes bytes(static_cast<std::size_t>(wire.getEncodedSize()));
+  ASSERT_GT(wire.encode(bytes.data(), 0, static_cast<int>(bytes.size())), 0);
+  Stamp stamp;
+  const auto back = from_message<MapIndex>(bytes, stamp);
+  EXPECT_EQ(stamp, (Stamp{{7}, 8, 9}));
+  EXPECT_EQ(back.map_hash, (Hash128{1, 2}));
+  EXPECT_EQ(back.patch_number, 3);
+  EXPECT_EQ(back.geometry.rows, 89);
+  EXPECT_EQ(back.label, "old");
+  EXPECT_FALSE(back.threats.has_value());
 }
 
 TEST(RoundTrip, MapPatchKeepsEachFieldUnderItsName) {

@@ -59,6 +59,19 @@ TEST_F(MapForPlan, IsAnotherOneWhenAnObserverSeesOtherThings) {
   EXPECT_NE(roadmap_key(first, config), roadmap_key(second, config));
 }
 
+TEST_F(MapForPlan, IsNotMadeOfALayerThatHoldsWhatIsNoHeight) {
+  add_layer(-1.0F);
+  EXPECT_THROW((void)read_map_for(folder_.path(), config_of("weights.threats=2")), DataError);
+  EXPECT_NO_THROW((void)read_map_for(folder_.path(), config_of("weights.threats=0")));
+}
+
+TEST_F(MapForPlan, AConfigSaysWhetherItWeighsNamedObservers) {
+  EXPECT_TRUE(weighs_threats(config_of("weights.threats=0.5").text));
+  EXPECT_FALSE(weighs_threats(config_of("weights.threats=0").text));
+  EXPECT_FALSE(weighs_threats("]] no yaml"));
+  EXPECT_FALSE(weighs_threats(""));
+}
+
 TEST_F(MapForPlan, WithoutSuchALayerAWeightOfItIsRefusedWithWhatToDo) {
   try {
     (void)read_map_for(folder_.path(), config_of("weights.threats=2"));

@@ -41,6 +41,7 @@ class Setup:
         self.programs = pathlib.Path(programs)
         self.folder = pathlib.Path(folder)
         self.map = self.folder / "map"
+        self.map_maker = map_maker
         ends = subprocess.run([map_maker, self.map], check=True, capture_output=True, text=True).stdout.split()
         self.ends = ["--start", ends[0], "--goal", ends[1]]
         self.children = []
@@ -495,7 +496,7 @@ def watch_shows_services_channels_and_echoes(setup):
     messages = [json.loads(line) for line in echoed.splitlines()]
     check({message["channel"] for message in messages} == {"MAP_INDEX", "SERVICE_STATUS"}, echoed)
     index = next(message["message"] for message in messages if message["channel"] == "MAP_INDEX")
-    check(index["type"] == "map_index_t" and index["column_count"] == 240 and index["label"] == "TEST HILLS", str(index))
+    check(index["type"] == "map_index_v2_t" and index["column_count"] == 240 and index["label"] == "TEST HILLS", str(index))
     doctor = json.loads(setup.run("doctor", "--json").stdout)
     checks = {one["name"]: one for one in doctor["checks"]}
     check({"multicast route", "TTL", "receive buffer", "IP fragments", "PROJ grids", "disk", "versions"} <= set(checks), str(checks))
@@ -521,6 +522,39 @@ def configs_are_checked_before_anything_else(setup):
         check(f"{name}.yaml:{at + 1}:" in done.stderr, f"{name}: {done.stderr}")
 
 
+def named_observers_are_weighed_over_the_bus_as_on_the_command_line(setup):
+    weighed = ["--set", "weights.threats=20"]
+    serve = setup.serve()
+    done = setup.run("request", *setup.ends, *WORK, *weighed, "--out", setup.folder / "refused")
+    check(done.returncode == 1 and "--observers" in done.stderr, f"{done.returncode}: {done.stderr}")
+    check(stop(serve) == 0, setup.text(serve))
+
+    setup.map = setup.folder / "watched"
+    subprocess.run([setup.map_maker, setup.map, "--observers"], check=True, capture_output=True)
+    alone = setup.plan(*weighed)
+    (setup.folder / "flight.lcmlog").unlink()
+    serve = setup.serve()
+    same_files(setup.request("over_bus", *weighed), alone)
+    ends = [[float(part) for part in text.split(",")[:2]] for text in setup.ends[1::2]]
+    lat, lon = [(a + b) / 2 for a, b in zip(*ends)]
+    patch(setup, "add", "threat", "--at", f"{lat:.6f},{lon:.6f}", "--range-m", "1000", "--mast-height-m", "10")
+    patched = setup.folder / "patched"
+    patch(setup, "map", "--out", patched)
+    after = setup.request("after", *weighed)
+    check((after / "plan.json").read_bytes() != (alone / "plan.json").read_bytes(), "nobody saw the observer")
+    done = setup.run("verify", after, "--map", patched)
+    check(done.returncode == 0, f"verify: {done.returncode} {done.stdout}{done.stderr}")
+    out = setup.folder / "patched_alone"
+    done = setup.run("plan", "--map", patched, *setup.ends, *WORK, *weighed, "--out", out)
+    check(done.returncode == 0, done.stderr)
+    for name in ["route.geojson", "trajectory.csv"]:
+        check((out / name).read_bytes() == (after / name).read_bytes(), f"{name} differs")
+    check(stop(serve) == 0, setup.text(serve))
+    for stage in ["global", "local"]:
+        done = setup.run("replay", setup.folder / "flight.lcmlog", "--stage", stage, "--json")
+        check(done.returncode == 0 and json.loads(done.stdout)["result"] == "equal", done.stdout + done.stderr)
+
+
 TESTS = [
     services_make_the_same_bytes_as_one_process,
     in_lockstep_with_the_command_model_the_bytes_are_the_same,
@@ -537,6 +571,7 @@ TESTS = [
     patches_come_go_and_outlive_the_map_tiler,
     a_plan_under_way_is_made_again_when_a_patch_comes,
     two_maps_on_one_network_are_named_and_not_mixed,
+    named_observers_are_weighed_over_the_bus_as_on_the_command_line,
     evaluate_bus_measures_what_the_bus_costs,
     watch_shows_services_channels_and_echoes,
     configs_are_checked_before_anything_else,

@@ -208,17 +208,16 @@ TEST_F(CommandModelServiceTest, ARotorPlantKeepsTheTrajectoryInWindAndTellsItsTo
   EXPECT_THAT(said, ::testing::HasSubstr("torque margin"));
 }
 
-TEST(FlightLoggerService, ALoggerThatComesLateStillLeavesALogWithEveryChunk) {
+void expect_late_log_holds_every_chunk(const map::Map& map, const std::string& config_text) {
   const test::TemporaryFolder folder;
-  const map::Map map = test::small_hills();
   test::InProcessChain chain;
   chain.add_map_tiler(map);
   chain.add_global_planner();
-  chain.ask(test::across_the_hills(map), map.hash, shipped_planning().text);
+  chain.ask(test::across_the_hills(map), map.hash, config_text);
   // The map has gone to the planner, and nobody has recorded it.
   ASSERT_TRUE(chain.turn_until([&] { return !chain.routes.empty(); }));
   chain.add_flight_logger(folder.path() / "late.lcmlog");
-  chain.ask(test::across_the_hills(map), map.hash, shipped_planning().text);
+  chain.ask(test::across_the_hills(map), map.hash, config_text);
   const Time begin = chain.listener().bus.now();
   chain.turn_until([&] { return seconds_between(begin, chain.listener().bus.now()) > 4.0; });
   chain.remove(2);
@@ -243,6 +242,15 @@ TEST(FlightLoggerService, ALoggerThatComesLateStillLeavesALogWithEveryChunk) {
   EXPECT_EQ(service.unanswered(), "");
   ASSERT_FALSE(routes.empty());
   EXPECT_EQ(routes.front().plan, chain.routes.front().plan);
+}
+
+TEST(FlightLoggerService, ALoggerThatComesLateStillLeavesALogWithEveryChunk) {
+  expect_late_log_holds_every_chunk(test::small_hills(), shipped_planning().text);
+}
+
+TEST(FlightLoggerService, NamedObserversThatARequestWeighsAreInTheLogToo) {
+  expect_late_log_holds_every_chunk(
+      test::watched_hills(), planning::effective_planning_config("", {"weights.threats=20"}));
 }
 
 }  // namespace

@@ -40,6 +40,26 @@ inline map::Map small_hills() {
   return map;
 }
 
+/// The same hills with two named observers: "tower" sees what flies higher than 5 m above the
+/// south, where across_the_hills() is best hidden from all others; "hill" a corner from 60 m on.
+inline map::Map watched_hills() {
+  map::Map map = small_hills();
+  const auto add = [&](const char* name, float lowest_m, int column_begin, int row_begin,
+                       int row_end) {
+    raster::Grid<float> layer(map.geometry, std::nanf(""));
+    for (int row = row_begin; row < row_end; ++row) {
+      for (int column = column_begin; column < column_begin + 40; ++column) {
+        layer.at(column, row) = lowest_m;
+      }
+    }
+    map.threats.push_back({name, std::move(layer)});
+  };
+  add("tower", 5.0F, 90, 0, 30);
+  add("hill", 60.0F, 0, 120, map.geometry.rows);
+  finish_map(map);
+  return map;
+}
+
 /// A flight of about 5 km from west to east.
 inline flight::PlanRequest across_the_hills(const map::Map& map) {
   const geo::MapProjection projection(map.crs_wkt);

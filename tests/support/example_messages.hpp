@@ -29,6 +29,7 @@ inline messages::MapIndex example_map_index() {
   index.further_heights_m = {30.5, 60.0};
   index.tile_table = example_ref(11);
   index.features = example_ref(22);
+  index.threats = messages::ThreatLayers{7, {81, 82}, example_ref(33)};
   index.label = "SYNTHETIC REGION";
   return index;
 }
