@@ -51,6 +51,21 @@ Lattice::Lattice(const raster::GridGeometry& geometry, const GlobalOptions& opti
   rows_ = origin_row_ + 1 + static_cast<int>(std::floor((north_m - origin.y_m) / spacing_m_));
 }
 
+LatticeLabel label_of(const FlightEnvelope::Arrival& arrival, double cost_m, int column, int row,
+                      int direction) {
+  return {cost_m + arrival.cost_m,
+          static_cast<float>(arrival.altitudes.low_m),
+          static_cast<float>(arrival.altitudes.high_m),
+          static_cast<float>(arrival.owed_m),
+          column,
+          row,
+          -1,
+          -1,
+          0.0,
+          0.0,
+          static_cast<std::int8_t>(direction)};
+}
+
 bool add_label(std::vector<LatticeLabel>& labels, std::int32_t& chain, LatticeLabel label) {
   int count = 0;
   for (std::int32_t at = chain; at >= 0; at = labels[static_cast<std::size_t>(at)].next) {

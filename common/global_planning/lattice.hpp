@@ -7,11 +7,20 @@
 #include <vector>
 
 #include "geo/map_projection.hpp"
+#include "global_planning/flight_envelope.hpp"
 #include "global_planning/global_planner.hpp"
 #include "global_planning/lattice_directions.hpp"
 #include "raster/grid.hpp"
 
 namespace hedgehop::global_planning {
+
+/// How densely the band is looked at on legs between nodes; the profile is exact afterwards.
+inline constexpr double kLatticeLegStep_m = 15.0;
+/// On the leg at a start or goal, where there is no spare for what lies between the samples; it is
+/// looked at on each crest too.
+inline constexpr double kEndLegStep_m = 2.5;
+/// The leg at a start or goal is free: any direction, up to so long.
+inline constexpr double kEndLegMax_m = 600.0;
 
 /// Nodes of a square lattice around one of its places, inside a box, and how tracks run on it: on
 /// straight by one node, or by repeats() steps into the next direction, so that
@@ -59,6 +68,10 @@ struct LatticeLabel {
   double run_x_m, run_y_m;  // straight leg so far
   std::int8_t direction;    // -1: none of the sixteen
 };
+
+/// The label that a leg leads to, from one that cost `cost_m`; its links and its run are not set.
+LatticeLabel label_of(const FlightEnvelope::Arrival& arrival, double cost_m, int column, int row,
+                      int direction);
 
 /// A label that is next to be looked at.
 struct LatticeEntry {

@@ -13,12 +13,6 @@ namespace hedgehop::global_planning {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// The band is sampled this densely; the profile is exact afterwards.
-constexpr double kStep_m = 15.0;
-// First and last leg, where there is no spare for what lies between the samples; they are sampled
-// on each crest too.
-constexpr double kEndStep_m = 2.5;
-constexpr double kEndLegMax_m = 600.0;
 // Detours stay this near to the box around both ends, and half of its longer side more.
 constexpr double kAsideMin_m = 20000.0;
 // The way ahead counts this many times: real flights cost more than the field says, and the first
@@ -121,8 +115,8 @@ class Search {
     ++work_units_;
     return envelope_.follow(a, b,
                             {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
-                            {is_end_leg ? kEndStep_m : kStep_m, spare_.margin_m, spare_.climb_share,
-                             is_end_leg, is_backward_, true},
+                            {is_end_leg ? kEndLegStep_m : kLatticeLegStep_m, spare_.margin_m,
+                             spare_.climb_share, is_end_leg, is_backward_, true},
                             static_cast<double>(from.owed_m));
   }
 
@@ -278,17 +272,10 @@ class Search {
     if (!arrival.altitudes.is_flyable()) {
       return;
     }
-    const LatticeLabel label{from.cost_m + arrival.cost_m,
-                             static_cast<float>(arrival.altitudes.low_m),
-                             static_cast<float>(arrival.altitudes.high_m),
-                             static_cast<float>(arrival.owed_m),
-                             column,
-                             row,
-                             index,
-                             -1,
-                             run_x_m,
-                             run_y_m,
-                             static_cast<std::int8_t>(direction)};
+    LatticeLabel label = label_of(arrival, from.cost_m, column, row, direction);
+    label.before = index;
+    label.run_x_m = run_x_m;
+    label.run_y_m = run_y_m;
     if (!(label.low_m <= label.high_m)) {
       return;
     }

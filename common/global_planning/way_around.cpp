@@ -12,9 +12,6 @@ namespace hedgehop::global_planning {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kStep_m = 15.0;
-constexpr double kEndStep_m = 2.5;
-constexpr double kStartLegMax_m = 600.0;
 constexpr double kLegMax_m = 400.0;  // where the route is left or joined
 constexpr double kLeaveStep_m = 300.0;
 // What lies ahead counts this many times; more when the search takes long.
@@ -103,8 +100,8 @@ class Search {
     ++work_units_;
     const LatticeSpare spare = WaysToGoal::spare();
     return envelope_.follow(a, b, altitudes,
-                            {is_end_leg ? kEndStep_m : kStep_m, spare.margin_m, spare.climb_share,
-                             is_end_leg, false, true},
+                            {is_end_leg ? kEndLegStep_m : kLatticeLegStep_m, spare.margin_m,
+                             spare.climb_share, is_end_leg, false, true},
                             owed_m);
   }
   FlightEnvelope::Arrival follow(const LatticeLabel& from, const geo::MapPoint& b,
@@ -113,21 +110,6 @@ class Search {
                   {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
                   static_cast<double>(from.owed_m), is_end_leg);
   }
-  [[nodiscard]] static LatticeLabel label_at(const FlightEnvelope::Arrival& arrival, double cost_m,
-                                             int column, int row) {
-    return {cost_m + arrival.cost_m,
-            static_cast<float>(arrival.altitudes.low_m),
-            static_cast<float>(arrival.altitudes.high_m),
-            static_cast<float>(arrival.owed_m),
-            column,
-            row,
-            -1,
-            -1,
-            0.0,
-            0.0,
-            -1};
-  }
-
   void queue_last(double key_m, double ahead_m) {
     ahead_m_.resize(labels_.size());
     ahead_m_.back() = ahead_m;
@@ -172,7 +154,7 @@ class Search {
 
   void leave(std::size_t corner, const AltitudeBand& altitudes) {
     const double spacing_m = lattice_.spacing_m();
-    const double most_m = corner == 0 ? kStartLegMax_m : kLegMax_m;
+    const double most_m = corner == 0 ? kEndLegMax_m : kLegMax_m;
     const int reach = static_cast<int>(most_m / spacing_m) + 1;
     const flight::Waypoint& from = question_.corners[corner];
     const geo::MapPoint origin = lattice_.place(0, 0);
@@ -191,7 +173,7 @@ class Search {
         const FlightEnvelope::Arrival arrival =
             follow(from.point(), to, altitudes, 0.0, corner == 0);
         if (arrival.altitudes.is_flyable()) {
-          LatticeLabel label = label_at(arrival, question_.cost_m[corner], c, r);
+          LatticeLabel label = label_of(arrival, question_.cost_m[corner], c, r, -1);
           label.before = corner_mark(corner);
           label.run_x_m = x_m;
           label.run_y_m = y_m;
@@ -310,11 +292,10 @@ class Search {
     }
     const FlightEnvelope::Arrival arrival = follow(from, b, false);
     if (arrival.altitudes.is_flyable()) {
-      LatticeLabel label = label_at(arrival, from.cost_m, column, row);
+      LatticeLabel label = label_of(arrival, from.cost_m, column, row, direction);
       label.before = index;
       label.run_x_m = run_x_m;
       label.run_y_m = run_y_m;
-      label.direction = static_cast<std::int8_t>(direction);
       add(label);
     }
   }
@@ -388,7 +369,7 @@ class Search {
       const geo::MapPoint a = place(here);
       const FlightEnvelope::Arrival arrival = follow(here, b, false);
       is_followed = arrival.altitudes.is_flyable();
-      LatticeLabel next = label_at(arrival, here.cost_m, there.column, there.row);
+      LatticeLabel next = label_of(arrival, here.cost_m, there.column, there.row, -1);
       next.run_x_m = b.x_m - a.x_m;
       next.run_y_m = b.y_m - a.y_m;
       if (std::fabs(here.run_x_m * next.run_y_m - here.run_y_m * next.run_x_m) > 1e-3) {

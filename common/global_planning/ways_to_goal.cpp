@@ -9,9 +9,6 @@ namespace hedgehop::global_planning {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kStep_m = 15.0;
-constexpr double kEndStep_m = 2.5;
-constexpr double kEndLegMax_m = 600.0;
 constexpr LatticeSpare kSpare{2.0, 0.97};
 constexpr double kFar_m = 1e7;  // from the map
 
@@ -92,20 +89,13 @@ void WaysToGoal::step(const FlightEnvelope& envelope, const CostField& from_star
   ++work_units_;
   const FlightEnvelope::Arrival arrival =
       envelope.follow(a, b, {static_cast<double>(from.low_m), static_cast<double>(from.high_m)},
-                      {is_end_leg ? kEndStep_m : kStep_m, kSpare.margin_m, kSpare.climb_share,
-                       is_end_leg, true, true},
+                      {is_end_leg ? kEndLegStep_m : kLatticeLegStep_m, kSpare.margin_m,
+                       kSpare.climb_share, is_end_leg, true, true},
                       static_cast<double>(from.owed_m));
-  const LatticeLabel label{from.cost_m + arrival.cost_m,
-                           static_cast<float>(arrival.altitudes.low_m),
-                           static_cast<float>(arrival.altitudes.high_m),
-                           static_cast<float>(arrival.owed_m),
-                           column,
-                           row,
-                           index,
-                           -1,
-                           run_x_m,
-                           run_y_m,
-                           static_cast<std::int8_t>(direction)};
+  LatticeLabel label = label_of(arrival, from.cost_m, column, row, direction);
+  label.before = index;
+  label.run_x_m = run_x_m;
+  label.run_y_m = run_y_m;
   if (!arrival.altitudes.is_flyable() || !(label.low_m <= label.high_m)) {
     return;
   }
