@@ -373,6 +373,24 @@ void CostField::spread(std::uint32_t last) {
   }
 }
 
+bool CostField::costs_as(const CostField& other, const geo::MapPoint& a,
+                         const geo::MapPoint& b) const {
+  const double length_m = std::hypot(b.x_m - a.x_m, b.y_m - a.y_m);
+  const int steps = static_cast<int>(4.0 * length_m / blocks_.cell_m) + 1;
+  for (int i = 0; i <= steps; ++i) {
+    const double t = static_cast<double>(i) / steps;
+    const CellIndex at =
+        blocks_.cell_at({a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m)});
+    if (blocks_.contains(at)) {
+      const std::uint32_t block = framed(at.column, at.row);
+      if (density_[block] != other.density_[block]) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
 std::size_t CostField::repair(const FlightEnvelope& envelope, const raster::Window& changed) {
   std::vector<std::uint32_t> touched;
   const int west = std::max(changed.column / factor_, 0);

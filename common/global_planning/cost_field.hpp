@@ -53,6 +53,10 @@ class CostField {
 
   [[nodiscard]] std::size_t block_count() const { return blocks_.cell_count(); }
 
+  /// Whether the blocks along a leg cost as much as those of `other`, a field with the same blocks.
+  [[nodiscard]] bool costs_as(const CostField& other, const geo::MapPoint& a,
+                              const geo::MapPoint& b) const;
+
   /// Centres of blocks along the cheapest way to the target, from the one that holds a place;
   /// empty where no way leads there.
   [[nodiscard]] std::vector<geo::MapPoint> way_from(const geo::MapPoint& from) const;

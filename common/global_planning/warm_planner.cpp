@@ -24,17 +24,20 @@ constexpr double kChangeMargin_m = 300.0;  // a change this near counts
 constexpr double kOnRoute_m = 1.0;
 constexpr double kBlocks = 2.0;  // of the field, in blocks of the one that leads plan_leg()
 constexpr double kProfileStep_m = 10.0;
-constexpr double kBlend_m = 1500.0;  // of the old route on both sides is moved with a new part
+// So much of the old route on both sides is moved with a new part. Where it climbs or descends as
+// steeply as it may there, no moved part fits between its altitudes, but a longer one may.
+constexpr std::array<double, 3> kBlends_m = {1500.0, 3000.0, 6000.0};
 // A sweep over a corridor, which is repeated while it pays.
 struct Pass {
   LowCorridorGrid grid;
   int repeats;
 };
-constexpr std::array<Pass, 4> kPasses = {
-    {{{250.0, 150.0}, 2}, {{200.0, 60.0}, 3}, {{150.0, 25.0}, 2}, {{150.0, 10.0}, 1}}};
+constexpr std::array<Pass, 3> kPasses = {
+    {{{200.0, 60.0}, 2}, {{150.0, 25.0}, 1}, {{150.0, 10.0}, 1}}};
 constexpr double kGainMin = 0.002;  // for a pass to be repeated
 constexpr std::int64_t kLatticeWork = 150'000;
 constexpr std::int64_t kPartWork = 15'000;
+constexpr std::int64_t kFirstPartWork = 9'000;  // nine in ten that are found are found by then
 constexpr std::int64_t kWaysWork = 2'500'000;
 constexpr std::int64_t kWayAroundWork = 20'000;
 struct Elsewhere {
@@ -93,7 +96,6 @@ void WarmPlanner::judge_field() {
 
 void WarmPlanner::costs_changed(const raster::Window& cells) {
   changes_.push_back(cells);
-  all_changes_.push_back(cells);
   blocks_renewed_ += field_.repair(envelope_, cells);
 }
 
@@ -152,7 +154,7 @@ bool WarmPlanner::is_lawful(const std::vector<Waypoint>& route) const {
   return are_turns_allowed(envelope_, route);
 }
 
-void WarmPlanner::improve(std::vector<Waypoint>& route, const Waypoint& from,
+bool WarmPlanner::improve(std::vector<Waypoint>& route, const Waypoint& from,
                           const Waypoint& to) const {
   // The ends are waypoints of the route; profiles keep them.
   const auto place_of = [&](const Waypoint& end) {
@@ -163,7 +165,7 @@ void WarmPlanner::improve(std::vector<Waypoint>& route, const Waypoint& from,
   const auto first = place_of(from);
   const auto last = place_of(to);
   if (first == route.end() || last == route.end() || last - first < 2) {
-    return;
+    return false;
   }
   const auto before = first == route.begin() ? std::nullopt : std::optional(first[-1]);
   const auto after = last + 1 == route.end() ? std::nullopt : std::optional(last[1]);
@@ -193,7 +195,7 @@ void WarmPlanner::improve(std::vector<Waypoint>& route, const Waypoint& from,
     }
   }
   if (track.empty()) {
-    return;
+    return false;
   }
   std::vector<geo::MapPoint> whole;
   for (auto at = route.cbegin(); at != first; ++at) {
@@ -204,11 +206,13 @@ void WarmPlanner::improve(std::vector<Waypoint>& route, const Waypoint& from,
     whole.push_back(at->point());
   }
   std::vector<Waypoint> better = lowest_profile(envelope_, whole, kProfileStep_m);
-  if (!better.empty() && are_turns_allowed(envelope_, better) &&
-      envelope_.route_cost_m(better, kCompareStep_m) <
-          envelope_.route_cost_m(route, kCompareStep_m)) {
-    route = std::move(better);
+  if (better.empty() || !are_turns_allowed(envelope_, better) ||
+      !(envelope_.route_cost_m(better, kCompareStep_m) <
+        envelope_.route_cost_m(route, kCompareStep_m))) {
+    return false;
   }
+  route = std::move(better);
+  return true;
 }
 
 // From the start to the goal on the lattice.
@@ -236,7 +240,7 @@ std::vector<Waypoint> WarmPlanner::from_start(const RouteLine& old, double along
     if (are_turns_allowed(envelope_, line)) {
       return line;
     }
-    if (old.along_m()[first] > along_m + kBlend_m) {
+    if (old.along_m()[first] > along_m + kBlends_m.front()) {
       break;
     }
   }
@@ -278,7 +282,8 @@ std::vector<Waypoint> WarmPlanner::around(const std::vector<Waypoint>& line, std
     to_from.emplace(field_, part.from.point(), part.to.point());
   }
   for (const LatticeSpare& spare : kPartSpares) {
-    const LatticeResult found = search_lattice(envelope_, options_, spare, part, kPartWork,
+    const LatticeResult found = search_lattice(envelope_, options_, spare, part,
+                                               part.is_backward ? kPartWork : kFirstPartWork,
                                                should_stop, to_from ? *to_from : field_);
     if (found.track.empty()) {
       break;
@@ -333,10 +338,9 @@ WarmPlanner::Changed WarmPlanner::around(const std::vector<Waypoint>& line, cons
 WarmPlanner::Changed WarmPlanner::by_ways(const std::vector<Waypoint>& line,
                                           const std::vector<Waypoint>& stay, bool is_on_route,
                                           const Observer& observer) const {
-  const auto is_in = [&](const std::vector<raster::Window>& windows, const geo::MapPoint& a,
-                         const geo::MapPoint& b) {
-    return std::any_of(windows.begin(), windows.end(), [&](const raster::Window& window) {
-      return touches(envelope_.geometry(), window, a, b);
+  const auto crosses_change = [&](const Waypoint& a, const Waypoint& b) {
+    return std::any_of(changes_.begin(), changes_.end(), [&](const raster::Window& window) {
+      return touches(envelope_.geometry(), window, a.point(), b.point());
     });
   };
   WayAroundQuestion question;
@@ -351,17 +355,17 @@ WarmPlanner::Changed WarmPlanner::by_ways(const std::vector<Waypoint>& line,
   }
   bool has_changed = !is_on_route;
   for (std::size_t i = 1; i + 1 < line.size(); ++i) {
-    if (is_in(changes_, line[i - 1].point(), line[i].point())) {
+    if (crosses_change(line[i - 1], line[i])) {
       has_changed = true;
       question.joins_from = i;
     }
     question.leaves = has_changed ? question.leaves : i + 1;
   }
-  if (is_in(changes_, line[line.size() - 2].point(), line.back().point())) {
+  if (crosses_change(line[line.size() - 2], line.back())) {
     question.joins_from = line.size() - 1;
   }
   question.is_changed = [&](const geo::MapPoint& a, const geo::MapPoint& b) {
-    return is_in(all_changes_, a, b);
+    return !field_.costs_as(*first_field_, a, b);
   };
   question.dearer_m = [&](const geo::MapPoint& at) {
     const double dearer_m = cost_per_field_ * (field_.cost_m(at) - first_field_->cost_m(at));
@@ -408,16 +412,23 @@ std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start, const Observe
   if (found.route.empty()) {
     return {};
   }
-  std::size_t from = found.leave;
-  while (from > 0 && along.along_m()[from] > along.along_m()[found.leave] - kBlend_m) {
-    --from;
-  }
-  std::size_t to = found.join;
-  while (to + 1 < line.size() && along.along_m()[to] < along.along_m()[found.join] + kBlend_m) {
-    ++to;
-  }
   std::vector<Waypoint>& route = found.route;
-  improve(route, line[from], line[to]);
+  std::size_t from = found.leave;
+  std::size_t to = found.join;
+  for (const double blend_m : kBlends_m) {
+    const std::size_t from_before = from;
+    const std::size_t to_before = to;
+    while (from > 0 && along.along_m()[from] > along.along_m()[found.leave] - blend_m) {
+      --from;
+    }
+    while (to + 1 < line.size() && along.along_m()[to] < along.along_m()[found.join] + blend_m) {
+      ++to;
+    }
+    const bool is_longer = blend_m == kBlends_m.front() || from < from_before || to > to_before;
+    if (is_longer && improve(route, line[from], line[to])) {
+      break;
+    }
+  }
   const auto cost_m = [&](const std::vector<Waypoint>& whole) {
     return envelope_.route_cost_m(whole, kCompareStep_m);
   };

@@ -37,11 +37,11 @@ struct WarmRoute {
 /// from anywhere on the old route, led by the ways to the goal that were worked out beforehand and
 /// tell which places can be flown on from; after that the two places are searched from the other
 /// end. What is found, with some of the old route before and after it, is moved sideways by
-/// low_corridor_track() from coarse to fine; then the whole ground track is flown at its
-/// lowest_profile(). Turns where old and new meet are looked at like all others. If the start lies
-/// on the old route and that is still the cheaper one, it stays. Where no part is found, the
-/// lattice is searched from the start to the goal with the repaired field ahead; where that too
-/// finds nothing, plan_leg() plans anew.
+/// low_corridor_track() from coarse to fine, with more of the old route if that finds no track;
+/// then the whole ground track is flown at its lowest_profile(). Turns where old and new meet are
+/// looked at like all others. If the start lies on the old route and that is still the cheaper one,
+/// it stays. Where no part is found, the lattice is searched from the start to the goal with the
+/// repaired field ahead; where that too finds nothing, plan_leg() plans anew.
 ///
 /// To construct takes 3 to 4 s of processor time and up to 100 MB, for those ways; copies share
 /// them. Changes make them worse, not wrong: after many, a new planner leads better.
@@ -95,8 +95,9 @@ class WarmPlanner {
                                 const Observer& observer) const;
   [[nodiscard]] std::vector<flight::Waypoint> searched(const Observer& observer) const;
   [[nodiscard]] bool is_lawful(const std::vector<flight::Waypoint>& route) const;
-  // Moves what lies between two waypoints of a route sideways and flies all of it low.
-  void improve(std::vector<flight::Waypoint>& route, const flight::Waypoint& from,
+  // Moves what lies between two waypoints of a route sideways and flies all of it low. False if
+  // that led to nothing better.
+  bool improve(std::vector<flight::Waypoint>& route, const flight::Waypoint& from,
                const flight::Waypoint& to) const;
   // What routes cost for a metre of the field.
   void judge_field();
@@ -110,8 +111,7 @@ class WarmPlanner {
   // When the route was new, for the ways to the goal from all around.
   std::shared_ptr<const CostField> first_field_;
   std::shared_ptr<const WaysToGoal> ways_;
-  std::vector<raster::Window> changes_;      // since the last plan
-  std::vector<raster::Window> all_changes_;  // since the ways were worked out
+  std::vector<raster::Window> changes_;  // since the last plan
   double cost_per_field_ = 1.0;
   std::size_t blocks_renewed_ = 0;
 };

@@ -17,7 +17,7 @@ constexpr double kLeaveStep_m = 300.0;
 // What lies ahead counts this many times; more when the search takes long.
 constexpr double kInflation = 1.05;
 constexpr double kHurriedInflation = 1.2;
-constexpr std::int64_t kCalmWork = 8000;
+constexpr std::int64_t kCalmWork = 4000;
 constexpr int kWaysMax = 4;
 constexpr std::int64_t kStopInterval = 256;
 constexpr std::int8_t kEndMark = 100;

@@ -133,6 +133,23 @@ TEST(WarmPlanner, AChangeBesideTheWayRenewsOnlyWhatLiesBehindIt) {
   EXPECT_EQ(field.repair(envelope, {0, 0, 300, 100}), 0U) << "nothing has changed since";
 }
 
+TEST(WarmPlanner, LegsThroughADiscCostOtherwiseThanBeforeAndLegsAcrossTheCornersOfItsSquareDoNot) {
+  // GIVEN a plain whose middle is seen within 1500 m
+  ChangingCase in(test::make_map(100, 100, 60.0, [](double, double) { return 100.0; }));
+  const FlightEnvelope envelope(in.costs, shipped_global_options(), in.above(500.0, 500.0),
+                                in.above(5500.0, 5500.0));
+  const CostField before(envelope, envelope.goal().point(), 60.0);
+  CostField after = before;
+  after.repair(envelope, in.costs.visibility_changed(in.set_disc({3000.0, 3000.0}, 1500.0, 0.8)));
+  // THEN only what meets the disc has become another leg
+  EXPECT_TRUE(before.costs_as(before, {500.0, 500.0}, {5500.0, 5500.0}));
+  EXPECT_FALSE(after.costs_as(before, {3000.0, 3000.0}, {3010.0, 3000.0}));
+  EXPECT_FALSE(after.costs_as(before, {500.0, 3000.0}, {5500.0, 3000.0})) << "both ends outside";
+  EXPECT_TRUE(after.costs_as(before, {1500.0, 2000.0}, {2000.0, 1500.0}));
+  EXPECT_TRUE(after.costs_as(before, {4400.0, 4400.0}, {4490.0, 4490.0}));
+  EXPECT_TRUE(after.costs_as(before, {500.0, 4650.0}, {5500.0, 4650.0}));
+}
+
 TEST(WarmPlanner, TheWayDownTheFieldCostsWhatTheFieldSays) {
   const std::uint64_t seed = test::fresh_seed();
   ChangingCase in(test::make_fractal_map(seed, 150, 60.0, 1500.0, 100.0));
