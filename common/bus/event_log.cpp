@@ -96,14 +96,17 @@ struct EventLogReader::Impl {
   }
 
   /// In sequence an event may be followed by damage. It is itself damaged if its length reaches
-  /// over the beginning of a sound one.
+  /// over the beginning of a sound one, be it the next or one after more damage.
   bool is_event_in_sequence() {
     const std::int64_t size = event_bytes_at(offset);
     if (size == 0 || is_sound_at(offset)) {
       return size != 0;
     }
-    const std::int64_t next = find_sync(offset + 1);
-    return next >= offset + size || !is_sound_at(next);
+    std::int64_t inside = find_sync(offset + 1);
+    while (inside < offset + size && !is_sound_at(inside)) {
+      inside = find_sync(inside + 1);
+    }
+    return inside >= offset + size;
   }
 
   /// Place of the next sync word at or after `from`; the end if there is none.

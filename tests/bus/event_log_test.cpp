@@ -132,6 +132,17 @@ TEST_F(EventLog, SyncWordsInsideMessagesDoNotConfuse) {
   EXPECT_EQ(reader.damage_count(), 0);
 }
 
+TEST_F(EventLog, ALengthThatReachesOverMoreDamageCostsNoMoreThanThatDamage) {
+  write_events(500);
+  overwrite(place(250) + 24, std::string("\0\0\x10\0", 4));  // 4096 bytes instead of none
+  overwrite(place(252), "####");
+  EventLogReader reader(path_);
+  const auto numbers = read_numbers(reader);
+  // 251 is followed by damage, and nothing before it tells that it is an event
+  EXPECT_EQ(numbers.size(), 497U);
+  EXPECT_THAT(numbers, testing::IsSupersetOf({249, 253}));
+}
+
 TEST_F(EventLog, RandomDamageNeverCrashesAndLosesLittle) {
   const unsigned seed = std::random_device{}();
   std::cout << "seed " << seed << '\n';
