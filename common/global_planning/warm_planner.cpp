@@ -60,13 +60,14 @@ void append(std::vector<Waypoint>& to, const std::vector<Waypoint>& more) {
   }
 }
 
-bool touches(const raster::GridGeometry& geometry, const raster::Window& window,
-             const geo::MapPoint& a, const geo::MapPoint& b) {
-  const double west_m = geometry.west_m + window.column * geometry.cell_m;
-  const double south_m = geometry.south_m + window.row * geometry.cell_m;
+// Whether the box around a leg comes as near to cells as that.
+bool comes_near(const raster::GridGeometry& geometry, const raster::Window& window, double near_m,
+                const geo::MapPoint& a, const geo::MapPoint& b) {
+  const double west_m = geometry.west_m + window.column * geometry.cell_m - near_m;
+  const double south_m = geometry.south_m + window.row * geometry.cell_m - near_m;
   return std::max(a.x_m, b.x_m) >= west_m && std::max(a.y_m, b.y_m) >= south_m &&
-         std::min(a.x_m, b.x_m) <= west_m + window.columns * geometry.cell_m &&
-         std::min(a.y_m, b.y_m) <= south_m + window.rows * geometry.cell_m;
+         std::min(a.x_m, b.x_m) <= west_m + window.columns * geometry.cell_m + 2.0 * near_m &&
+         std::min(a.y_m, b.y_m) <= south_m + window.rows * geometry.cell_m + 2.0 * near_m;
 }
 
 LeadIn leg_between(const Waypoint& a, const Waypoint& b) { return {b.x_m - a.x_m, b.y_m - a.y_m}; }
@@ -99,14 +100,9 @@ void WarmPlanner::costs_changed(const raster::Window& cells) {
   blocks_renewed_ += field_.repair(envelope_, cells);
 }
 
-bool WarmPlanner::is_changed(const geo::MapPoint& point) const {
-  const raster::GridGeometry& g = envelope_.geometry();
+bool WarmPlanner::is_changed(const geo::MapPoint& a, const geo::MapPoint& b, double near_m) const {
   return std::any_of(changes_.begin(), changes_.end(), [&](const raster::Window& window) {
-    const double west_m = g.west_m + window.column * g.cell_m - kChangeMargin_m;
-    const double south_m = g.south_m + window.row * g.cell_m - kChangeMargin_m;
-    return point.x_m >= west_m && point.y_m >= south_m &&
-           point.x_m <= west_m + window.columns * g.cell_m + 2.0 * kChangeMargin_m &&
-           point.y_m <= south_m + window.rows * g.cell_m + 2.0 * kChangeMargin_m;
+    return comes_near(envelope_.geometry(), window, near_m, a, b);
   });
 }
 
@@ -338,11 +334,6 @@ WarmPlanner::Changed WarmPlanner::around(const std::vector<Waypoint>& line, cons
 WarmPlanner::Changed WarmPlanner::by_ways(const std::vector<Waypoint>& line,
                                           const std::vector<Waypoint>& stay, bool is_on_route,
                                           const Observer& observer) const {
-  const auto crosses_change = [&](const Waypoint& a, const Waypoint& b) {
-    return std::any_of(changes_.begin(), changes_.end(), [&](const raster::Window& window) {
-      return touches(envelope_.geometry(), window, a.point(), b.point());
-    });
-  };
   WayAroundQuestion question;
   question.corners = line;
   question.cost_m = {0.0};
@@ -355,13 +346,13 @@ WarmPlanner::Changed WarmPlanner::by_ways(const std::vector<Waypoint>& line,
   }
   bool has_changed = !is_on_route;
   for (std::size_t i = 1; i + 1 < line.size(); ++i) {
-    if (crosses_change(line[i - 1], line[i])) {
+    if (is_changed(line[i - 1].point(), line[i].point(), 0.0)) {
       has_changed = true;
       question.joins_from = i;
     }
     question.leaves = has_changed ? question.leaves : i + 1;
   }
-  if (crosses_change(line[line.size() - 2], line.back())) {
+  if (is_changed(line[line.size() - 2].point(), line.back().point(), 0.0)) {
     question.joins_from = line.size() - 1;
   }
   question.is_changed = [&](const geo::MapPoint& a, const geo::MapPoint& b) {
@@ -388,10 +379,10 @@ std::vector<Waypoint> WarmPlanner::repaired(const Waypoint& start, const Observe
   const bool is_on_route =
       now.distance_m <= kOnRoute_m &&
       std::fabs(old.at(now.along_m).altitude_m - start.altitude_m) <= kOnRoute_m;
-  const std::optional<Detour> detour =
-      find_detour(envelope_, field_, old,
-                  {now.along_m, is_on_route, cost_per_field_,
-                   [&](const geo::MapPoint& point) { return is_changed(point); }});
+  const std::optional<Detour> detour = find_detour(
+      envelope_, field_, old,
+      {now.along_m, is_on_route, cost_per_field_,
+       [&](const geo::MapPoint& point) { return is_changed(point, point, kChangeMargin_m); }});
   std::vector<Waypoint> line = is_on_route ? from_start(old, now.along_m) : std::vector<Waypoint>{};
   if (!detour) {
     return is_lawful(line) ? line : std::vector<Waypoint>{};

@@ -43,7 +43,7 @@ struct WarmRoute {
 /// it stays. Where no part is found, the lattice is searched from the start to the goal with the
 /// repaired field ahead; where that too finds nothing, plan_leg() plans anew.
 ///
-/// To construct takes 3 to 4 s of processor time and up to 100 MB, for those ways; copies share
+/// To construct takes 2 to 3.5 s of processor time and up to 100 MB, for those ways; copies share
 /// them. Changes make them worse, not wrong: after many, a new planner leads better.
 ///
 /// Deterministic; the same for any number of threads.
@@ -101,7 +101,9 @@ class WarmPlanner {
                const flight::Waypoint& to) const;
   // What routes cost for a metre of the field.
   void judge_field();
-  [[nodiscard]] bool is_changed(const geo::MapPoint& point) const;
+  // Whether the box around a leg comes as near as that to a change since the last plan.
+  [[nodiscard]] bool is_changed(const geo::MapPoint& a, const geo::MapPoint& b,
+                                double near_m) const;
 
   GlobalOptions options_;
   RouteProblem problem_;

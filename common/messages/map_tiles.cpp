@@ -290,6 +290,23 @@ std::vector<map::Area> areas_in(const wire::Check& check, const map_features_t& 
   return areas;
 }
 
+// The bytes, if their own decoder takes them.
+template <typename Decode>
+Bytes sendable(Bytes bytes, const Decode& decode) {
+  try {
+    decode(bytes);
+  } catch (const MessageError& error) {
+    throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
+  }
+  return bytes;
+}
+
+void must_be(const wire::Check& check, const char* field, std::int32_t value, std::int64_t wanted) {
+  if (value != wanted) {
+    check.refuse(field, value, "be " + std::to_string(wanted));
+  }
+}
+
 void check_map_hash(const wire::Check& check, const std::int64_t (&field)[2],
                     const Hash128& map_hash) {
   if (wire::hash_in(field) != map_hash) {
@@ -427,14 +444,10 @@ Bytes encode_map_features(const map::Map& map, const Hash128& map_hash) {
   put_overhead_lines(map.overhead_lines, message);
   put_obstacles(map.obstacles, message);
   put_areas(map.areas, message);
-  Bytes bytes = wire::encoded(message);
-  try {
+  return sendable(wire::encoded(message), [&](ByteView bytes) {
     map::Map copy;
     decode_map_features(bytes, map_hash, copy);
-  } catch (const MessageError& error) {
-    throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
-  }
-  return bytes;
+  });
 }
 
 void decode_map_features(ByteView bytes, const Hash128& map_hash, map::Map& map) {
@@ -467,13 +480,8 @@ Bytes encode_map_tile_table(const Hash128& map_hash, const Tiling& tiling,
   for (const BlobRef& tile : tiles) {
     wire::put_ref(message.tiles.emplace_back(), tile);
   }
-  Bytes bytes = wire::encoded(message);
-  try {
-    decode_map_tile_table(bytes, map_hash, tiling);
-  } catch (const MessageError& error) {
-    throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
-  }
-  return bytes;
+  return sendable(wire::encoded(message),
+                  [&](ByteView bytes) { decode_map_tile_table(bytes, map_hash, tiling); });
 }
 
 std::vector<BlobRef> decode_map_tile_table(ByteView bytes, const Hash128& map_hash,
@@ -481,15 +489,10 @@ std::vector<BlobRef> decode_map_tile_table(ByteView bytes, const Hash128& map_ha
   const auto message = wire::decoded<map_tile_table_t>(bytes, kBlobBytesMax);
   const wire::Check check(map_tile_table_t::getTypeName());
   check_map_hash(check, message.map_hash, map_hash);
-  const auto must_be = [&](const char* field, std::int32_t value, std::int64_t wanted) {
-    if (value != wanted) {
-      check.refuse(field, value, "be " + std::to_string(wanted));
-    }
-  };
-  must_be("layer_count", message.layer_count, tiling.layer_count());
-  must_be("tile_column_count", message.tile_column_count, tiling.tile_columns());
-  must_be("tile_row_count", message.tile_row_count, tiling.tile_rows());
-  must_be("num_tiles", message.num_tiles,
+  must_be(check, "layer_count", message.layer_count, tiling.layer_count());
+  must_be(check, "tile_column_count", message.tile_column_count, tiling.tile_columns());
+  must_be(check, "tile_row_count", message.tile_row_count, tiling.tile_rows());
+  must_be(check, "num_tiles", message.num_tiles,
           static_cast<std::int64_t>(tiling.layer_count()) * tiling.tile_count());
   return tiles_in(check, message.tiles);
 }
@@ -506,13 +509,9 @@ Bytes encode_map_threats(const Hash128& map_hash, const Tiling& tiling, const Ma
   for (const BlobRef& tile : threats.tiles) {
     wire::put_ref(message.tiles.emplace_back(), tile);
   }
-  Bytes bytes = wire::encoded(message);
-  try {
+  return sendable(wire::encoded(message), [&](ByteView bytes) {
     decode_map_threats(bytes, map_hash, tiling, message.num_threats);
-  } catch (const MessageError& error) {
-    throw std::invalid_argument(std::string("the map cannot be sent: ") + error.what());
-  }
-  return bytes;
+  });
 }
 
 // One name may stand for several observers: those of patches need none at all.
@@ -521,15 +520,11 @@ MapThreats decode_map_threats(ByteView bytes, const Hash128& map_hash, const Til
   const auto message = wire::decoded<map_threats_t>(bytes, kBlobBytesMax);
   const wire::Check check(map_threats_t::getTypeName());
   check_map_hash(check, message.map_hash, map_hash);
-  const auto must_be = [&](const char* field, std::int32_t value, std::int64_t wanted) {
-    if (value != wanted) {
-      check.refuse(field, value, "be " + std::to_string(wanted));
-    }
-  };
-  must_be("num_threats", message.num_threats, count);
-  must_be("tile_column_count", message.tile_column_count, tiling.tile_columns());
-  must_be("tile_row_count", message.tile_row_count, tiling.tile_rows());
-  must_be("num_tiles", message.num_tiles, static_cast<std::int64_t>(count) * tiling.tile_count());
+  must_be(check, "num_threats", message.num_threats, count);
+  must_be(check, "tile_column_count", message.tile_column_count, tiling.tile_columns());
+  must_be(check, "tile_row_count", message.tile_row_count, tiling.tile_rows());
+  must_be(check, "num_tiles", message.num_tiles,
+          static_cast<std::int64_t>(count) * tiling.tile_count());
   MapThreats threats;
   for (const std::string& name : message.names) {
     threats.names.push_back(check.text("names", name, kThreatNameBytesMax));
