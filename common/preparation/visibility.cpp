@@ -23,13 +23,14 @@ constexpr int kTileRowsMax = 512;
 constexpr int kTileColumnsMax = 512;
 
 // A part of a raster with a margin of unknown cells, so that rays need no bounds checks.
+template <typename T>
 struct Padded {
-  int first_column = 0;  // in the raster, of values[0]
+  int first_column = 0;  // in the frame of the pass, of values[0]
   int first_row = 0;
   std::ptrdiff_t stride = 0;
-  std::vector<float> values;
+  std::vector<T> values;
 
-  [[nodiscard]] const float* at(int column, int row) const {
+  [[nodiscard]] const T* at(int column, int row) const {
     return values.data() + (row - first_row) * stride + (column - first_column);
   }
 };
@@ -41,33 +42,42 @@ struct Window {
   int rows = 0;
 };
 
+// The part of a window that lies in the raster; both in the frame of the pass.
+template <typename T>
+Window inside(const Window& window, const raster::Grid<T>& grid, bool is_transposed) {
+  const int columns = is_transposed ? grid.rows() : grid.columns();
+  const int rows = is_transposed ? grid.columns() : grid.rows();
+  const int column = std::clamp(window.column, 0, columns);
+  const int row = std::clamp(window.row, 0, rows);
+  return {column, row, std::clamp(window.column + window.columns, column, columns) - column,
+          std::clamp(window.row + window.rows, row, rows) - row};
+}
+
 // `window` may stick out of the raster and is given in the frame of the pass.
-template <typename T, typename ValueOf>
-Padded padded(const raster::Grid<T>& grid, const Window& window, bool is_transposed, float beyond,
-              const ValueOf& value_of) {
-  Padded result;
+template <typename To, typename From, typename ValueOf>
+Padded<To> padded(const raster::Grid<From>& grid, const Window& window, bool is_transposed,
+                  To beyond, const ValueOf& value_of) {
+  Padded<To> result;
   result.first_column = window.column;
   result.first_row = window.row;
-  // An odd number of cache lines, so that the rows of a column do not fight for one place.
-  constexpr int kLineFloats = 16;
-  result.stride = ((window.columns + kLineFloats - 1) / kLineFloats | 1) * kLineFloats;
+  // An odd number of cache lines for 16 bits, so that the rows of a column do not fight for one
+  // place.
+  constexpr int kLine = 32;
+  result.stride = ((window.columns + kLine - 1) / kLine | 1) * kLine;
   result.values.assign(
       static_cast<std::size_t>(result.stride) * static_cast<std::size_t>(window.rows), beyond);
-  const int grid_columns = is_transposed ? grid.rows() : grid.columns();
-  const int grid_rows = is_transposed ? grid.columns() : grid.rows();
-  const int row_begin = std::max(window.row, 0);
-  const int row_end = std::min(window.row + window.rows, grid_rows);
-  const int column_begin = std::max(window.column, 0);
-  const int column_end = std::min(window.column + window.columns, grid_columns);
+  const Window part = inside(window, grid, is_transposed);
   // In squares, so that the transposed raster is written without a cache miss a cell.
   constexpr int kSquare = 64;
-  for (int square_row = row_begin; square_row < row_end; square_row += kSquare) {
-    for (int square_column = column_begin; square_column < column_end; square_column += kSquare) {
-      for (int row = square_row; row < std::min(square_row + kSquare, row_end); ++row) {
-        float* target = result.values.data() + (row - window.row) * result.stride - window.column;
-        for (int column = square_column; column < std::min(square_column + kSquare, column_end);
-             ++column) {
-          target[column] = value_of(is_transposed ? grid.at(row, column) : grid.at(column, row));
+  for (int square_row = 0; square_row < part.rows; square_row += kSquare) {
+    for (int square_column = 0; square_column < part.columns; square_column += kSquare) {
+      for (int i = square_row; i < std::min(square_row + kSquare, part.rows); ++i) {
+        const int row = part.row + i;
+        To* target = result.values.data() + (row - window.row) * result.stride +
+                     (part.column - window.column);
+        for (int k = square_column; k < std::min(square_column + kSquare, part.columns); ++k) {
+          const int column = part.column + k;
+          target[k] = value_of(is_transposed ? grid.at(row, column) : grid.at(column, row));
         }
       }
     }
@@ -83,9 +93,6 @@ struct Pass {
   int columns = 0;
   int rows = 0;
   std::int64_t absolute_row = 0;  // of the raster's row 0
-  int reach = 0;
-  Padded ground_m;
-  Padded weight;
   std::vector<SightLine> lines;
   std::vector<ColumnSpan> spans;         // by row of the block
   std::optional<CellRectangle> changed;  // in the frame of the pass: only rays that may cross it
@@ -111,14 +118,18 @@ struct Tile {
 // Room on each side of a row of observers, since strips reach beyond.
 constexpr int kIdleLanes = 2 * kLanesMax;
 
-// Memory of a tile.
-struct TileSums {
-  std::ptrdiff_t stride = 0;
+// Ground and observers of a tile; heights are counted from the tile's own zero.
+template <typename T>
+struct TileGround {
+  Padded<T> ground;
+  Padded<std::uint16_t> weight;  // empty: all ground counts
+  std::ptrdiff_t stride = 0;     // of the arrays for observers
   std::ptrdiff_t plane = 0;
-  std::vector<float> eyes_m;
+  std::vector<T> eyes;
   std::vector<std::int32_t> seen;
   std::vector<std::int32_t> known;
   std::vector<std::int32_t> further;
+  LineBuffers<T> buffers;
 };
 
 // Columns of the block that are wanted in a row of a tile.
@@ -141,28 +152,32 @@ ColumnSpan crossing_span(const Pass& pass, const SightLine& line, int row) {
           static_cast<int>(std::ceil(end)) - pass.column};
 }
 
-void add_line(const Tile& tile, const SightLine& line, int further_count, TileSums& sums,
-              LineBuffers& buffers, LineKernel kernel) {
+template <typename T>
+void add_line(const Tile& tile, const SightLine& line, int further_count, TileGround<T>& of_tile,
+              const LineKernel& kernel) {
   const Pass& pass = *tile.pass;
   const int reach = line.steps.count;
-  const int first_row = pass.row + tile.row - reach;  // of the buffer, in the raster
-  const int buffer_rows = (tile.rows + 2 * reach + kBlockRows - 1) / kBlockRows * kBlockRows;
+  // Blocks are anchored to the map frame.
+  const int lowest_row = pass.row + tile.row - reach;
+  const int idle_rows = static_cast<int>((pass.absolute_row + lowest_row) & (kBlockRows - 1));
+  const int first_row = lowest_row - idle_rows;  // of the buffer, in the raster
+  const int buffer_rows =
+      (idle_rows + tile.rows + 2 * reach + kBlockRows - 1) / kBlockRows * kBlockRows;
   std::vector<std::int32_t> left(static_cast<std::size_t>(buffer_rows));
-  std::vector<float> fraction(static_cast<std::size_t>(buffer_rows));
+  std::vector<std::int16_t> fraction(static_cast<std::size_t>(buffer_rows));
   std::vector<ObserverRow> rows;
   std::array<std::int32_t, 2 * kExactSteps> exact_left{};
-  std::array<float, 2 * kExactSteps> exact_fraction{};
+  std::array<std::int16_t, 2 * kExactSteps> exact_fraction{};
   for (int i = 0; i < 2 * kExactSteps; ++i) {
     const int rows_ahead = i < kExactSteps ? i + 1 : kExactSteps - 1 - i;
     const Crossing crossing = crossing_beside(line.slope, rows_ahead);
     exact_left[static_cast<std::size_t>(i)] = crossing.left;
     exact_fraction[static_cast<std::size_t>(i)] = crossing.fraction;
   }
-  LineTask task;
-  task.ground_m = pass.ground_m.at(0, first_row);
-  task.ground_weight = pass.weight.values.empty() ? nullptr : pass.weight.at(0, first_row);
-  task.ground_weight_max = pass.weight.values.empty() ? 1.0F : kGroundWeightMax;
-  task.stride = pass.ground_m.stride;
+  LineTask<T> task;
+  task.ground = of_tile.ground.at(0, first_row);
+  task.ground_weight = of_tile.weight.values.empty() ? nullptr : of_tile.weight.at(0, first_row);
+  task.stride = of_tile.ground.stride;
   task.left = left.data();
   task.fraction = fraction.data();
   task.exact_left = exact_left.data();
@@ -171,11 +186,11 @@ void add_line(const Tile& tile, const SightLine& line, int further_count, TileSu
   task.steps = &line.steps;
   task.further_count = further_count;
   task.rows = &rows;
-  task.eyes_m = sums.eyes_m.data();
-  task.seen = sums.seen.data();
-  task.known = sums.known.data();
-  task.further = sums.further.data();
-  task.further_plane = sums.plane;
+  task.eyes = of_tile.eyes.data();
+  task.seen = of_tile.seen.data();
+  task.known = of_tile.known.data();
+  task.further = of_tile.further.data();
+  task.further_plane = of_tile.plane;
   for (int phase = 0; phase < kPhases; ++phase) {
     rows.clear();
     for (int row = 0; row < tile.rows; ++row) {
@@ -189,8 +204,8 @@ void add_line(const Tile& tile, const SightLine& line, int further_count, TileSu
         continue;
       }
       const int skew = pass.column + foot.shift;
-      rows.push_back({row + reach, skew + span.begin, skew + span.end,
-                      row * sums.stride - skew - tile.column + kIdleLanes, foot.shift});
+      rows.push_back({idle_rows + reach + row, skew + span.begin, skew + span.end,
+                      row * of_tile.stride - skew - tile.column + kIdleLanes, foot.shift});
     }
     if (rows.empty()) {
       continue;
@@ -201,74 +216,159 @@ void add_line(const Tile& tile, const SightLine& line, int further_count, TileSu
       left[static_cast<std::size_t>(b)] = crossing.left;
       fraction[static_cast<std::size_t>(b)] = crossing.fraction;
     }
-    add_lines(task, buffers, kernel);
+    add_lines(task, of_tile.buffers, kernel);
   }
 }
 
 struct Work {
   const VisibilityGround* ground = nullptr;
+  double radius_m = 0.0;
   float reference_height_m = 0.0F;
+  int units_per_metre = 0;
   int further_count = 0;
   bool only_further = false;  // lines without further heights have been done
-  LineKernel kernel = nullptr;
+  LineKernel kernel;
 };
 
-// Calls `line_done` after each line of the pass.
-template <typename LineDone>
-void run_tile(const Tile& tile, const Work& work, Observer& observer, const LineDone& line_done) {
-  Pass& pass = *tile.pass;
-  TileSums sums;
-  sums.stride = tile.columns + 2 * kIdleLanes;
-  sums.plane = sums.stride * tile.rows;
-  const auto plane = static_cast<std::size_t>(sums.plane);
-  const std::size_t further_planes = work.further_count == 0 ? 0 : work.further_count + 2;
-  sums.eyes_m.assign(plane, kBlindEye_m);
-  sums.seen.assign(plane, 0);
-  sums.known.assign(plane, 0);
-  sums.further.assign(further_planes * plane, 0);
+// What the rays of a tile may meet.
+Window window_of(const Tile& tile, const Work& work) {
+  const Pass& pass = *tile.pass;
+  const double cell_m = work.ground->surface_m.geometry().cell_m;
+  // The lines of a tile run on beyond their own observers' reach, and groups have idle lanes.
+  const int reach = static_cast<int>(std::ceil(work.radius_m / cell_m)) + kBlockRows;
+  const int beside = reach + tile.rows + kIdleLanes;
+  return {pass.column + tile.column - beside, pass.row + tile.row - reach,
+          tile.columns + 2 * beside, tile.rows + 2 * reach};
+}
+
+// Calls eye_of(column, row, eye) for each observer, counted in the block, with its eye in units.
+template <typename EyeOf>
+void for_each_eye(const Tile& tile, const Work& work, const EyeOf& eye_of) {
+  const Pass& pass = *tile.pass;
   const raster::Grid<float>& surface_m = work.ground->surface_m;
   for (int row = 0; row < tile.rows; ++row) {
-    float* eyes_m = sums.eyes_m.data() + row * sums.stride + kIdleLanes - tile.column;
     const ColumnSpan span = span_of(tile, row);
     for (int column = span.begin; column < span.end; ++column) {
       const int c = pass.column + column;
       const int r = pass.row + tile.row + row;
-      const float z = pass.is_transposed ? surface_m.at(r, c) : surface_m.at(c, r);
-      eyes_m[column] = std::isnan(z) ? kBlindEye_m : padded_height_m(z) + work.reference_height_m;
+      const float z_m = pass.is_transposed ? surface_m.at(r, c) : surface_m.at(c, r);
+      if (!std::isnan(z_m)) {
+        eye_of(column, row, eye_in_units(z_m, work.reference_height_m, work.units_per_metre));
+      }
     }
   }
-  LineBuffers buffers;
+}
+
+// Heights of a tile's ground and eyes in units.
+struct HeightRange {
+  int lowest = std::numeric_limits<int>::max();
+  int highest = std::numeric_limits<int>::min();
+
+  void add(int height) {
+    lowest = std::min(lowest, height);
+    highest = std::max(highest, height);
+  }
+  // Lanes of 16 bits hold them, counted from the middle, less what is no height.
+  [[nodiscard]] bool is_narrow() const { return lowest > highest || highest - lowest < 65500; }
+  [[nodiscard]] int middle() const {
+    return lowest > highest ? 0 : lowest + (highest - lowest) / 2;
+  }
+};
+
+HeightRange height_range(const Tile& tile, const Work& work, const Window& window) {
+  const raster::Grid<float>& opaque_m = work.ground->opaque_m;
+  const bool is_transposed = tile.pass->is_transposed;
+  const Window part = inside(window, opaque_m, is_transposed);
+  const int columns = is_transposed ? part.rows : part.columns;
+  const int column = is_transposed ? part.row : part.column;
+  const int row = is_transposed ? part.column : part.row;
+  float lowest_m = std::numeric_limits<float>::infinity();
+  float highest_m = -lowest_m;
+  for (int i = 0; i < (is_transposed ? part.columns : part.rows); ++i) {
+    const float* of_row = opaque_m.row(row + i) + column;
+    for (int k = 0; k < columns; ++k) {
+      // In this order an unknown height changes nothing.
+      lowest_m = std::min(lowest_m, of_row[k]);
+      highest_m = std::max(highest_m, of_row[k]);
+    }
+  }
+  HeightRange range;
+  if (lowest_m <= highest_m) {
+    range.add(ground_in_units(lowest_m, work.units_per_metre));
+    range.add(ground_in_units(highest_m, work.units_per_metre));
+  }
+  for_each_eye(tile, work, [&](int, int, int eye) { range.add(eye); });
+  return range;
+}
+
+// Calls `line_done` after each line of the pass. Heights are counted from `zero`.
+template <typename T, typename LineDone>
+void run_tile(const Tile& tile, const Work& work, const Window& window, int zero,
+              Observer& observer, const LineDone& line_done) {
+  Pass& pass = *tile.pass;
+  TileGround<T> of_tile;
+  of_tile.ground =
+      padded(work.ground->opaque_m, window, pass.is_transposed, kUnknownHeight<T>, [&](float z_m) {
+        return std::isnan(z_m) ? kUnknownHeight<T>
+                               : static_cast<T>(ground_in_units(z_m, work.units_per_metre) - zero);
+      });
+  if (work.ground->weight != nullptr) {
+    of_tile.weight =
+        padded(*work.ground->weight, window, pass.is_transposed, std::uint16_t{0}, weight_in_units);
+  }
+  of_tile.stride = tile.columns + 2 * kIdleLanes;
+  of_tile.plane = of_tile.stride * tile.rows;
+  const auto plane = static_cast<std::size_t>(of_tile.plane);
+  const std::size_t further_planes = work.further_count == 0 ? 0 : work.further_count + 2;
+  of_tile.eyes.assign(plane, kBlindEye<T>);
+  of_tile.seen.assign(plane, 0);
+  of_tile.known.assign(plane, 0);
+  of_tile.further.assign(further_planes * plane, 0);
+  for_each_eye(tile, work, [&](int column, int row, int eye) {
+    const std::ptrdiff_t at = row * of_tile.stride + kIdleLanes + column - tile.column;
+    of_tile.eyes[static_cast<std::size_t>(at)] = static_cast<T>(eye - zero);
+  });
   // Sums of known ground are less what follows.
-  std::uint32_t known = 0;
-  std::uint32_t further_known = 0;
+  std::int32_t known = 0;
+  std::int32_t further_known = 0;
   for (const SightLine& line : pass.lines) {
     if (work.only_further && !line.has_further) {
       line_done();
       continue;
     }
     observer.check_stop();
-    add_line(tile, line, line.has_further ? work.further_count : 0, sums, buffers, work.kernel);
+    add_line(tile, line, line.has_further ? work.further_count : 0, of_tile, work.kernel);
     known += 2 * line.ray_weight;
     further_known += line.has_further ? 2 * line.ray_weight : 0;
     line_done();
   }
-  const auto copy = [&](const std::int32_t* from, std::uint32_t more, std::int32_t* to) {
-    std::transform(from, from + tile.columns, to, [more](std::int32_t value) {
-      return static_cast<std::int32_t>(static_cast<std::uint32_t>(value) + more);
-    });
+  const auto copy = [&](const std::int32_t* from, std::int32_t more, std::int32_t* to) {
+    std::transform(from, from + tile.columns, to,
+                   [more](std::int32_t value) { return value + more; });
   };
   for (int row = 0; row < tile.rows; ++row) {
-    const std::ptrdiff_t from = row * sums.stride + kIdleLanes;
+    const std::ptrdiff_t from = row * of_tile.stride + kIdleLanes;
     const std::ptrdiff_t to =
         static_cast<std::ptrdiff_t>(tile.row + row) * pass.columns + tile.column;
     if (!work.only_further) {
-      copy(sums.seen.data() + from, 0, pass.seen.data() + to);
-      copy(sums.known.data() + from, known, pass.known.data() + to);
+      copy(of_tile.seen.data() + from, 0, pass.seen.data() + to);
+      copy(of_tile.known.data() + from, known, pass.known.data() + to);
     }
     for (std::size_t p = 0; p < further_planes; ++p) {
-      copy(sums.further.data() + p * plane + from, p + 1 == further_planes ? further_known : 0,
+      copy(of_tile.further.data() + p * plane + from, p + 1 == further_planes ? further_known : 0,
            pass.further.data() + p * pass.cell_count() + to);
     }
+  }
+}
+
+template <typename LineDone>
+void run_tile(const Tile& tile, const Work& work, Observer& observer, const LineDone& line_done) {
+  const Window window = window_of(tile, work);
+  const HeightRange range = height_range(tile, work, window);
+  if (work.units_per_metre == kUnitsPerMetre && range.is_narrow()) {
+    run_tile<std::int16_t>(tile, work, window, range.middle(), observer, line_done);
+  } else {
+    run_tile<std::int32_t>(tile, work, window, range.middle(), observer, line_done);
   }
 }
 
@@ -305,8 +405,8 @@ std::vector<ColumnSpan> transposed(const std::vector<ColumnSpan>& spans, int col
 }
 
 Pass pass_over(const VisibilityGround& ground, raster::CellIndex block, int columns, int rows,
-               const VisibilityOptions& options, const std::vector<ColumnSpan>* spans,
-               const CellRectangle* changed, bool is_transposed) {
+               const std::vector<ColumnSpan>* spans, const CellRectangle* changed,
+               bool is_transposed) {
   const raster::GridGeometry& g = ground.surface_m.geometry();
   Pass pass;
   pass.is_transposed = is_transposed;
@@ -325,23 +425,12 @@ Pass pass_over(const VisibilityGround& ground, raster::CellIndex block, int colu
                                                  changed->columns}
                                  : *changed;
   }
-  // The lines of a tile run on beyond their own observers' reach, and groups have idle lanes.
-  const int reach = static_cast<int>(std::ceil(options.radius_m / g.cell_m)) + kBlockRows;
-  const int beside = reach + std::min(pass.rows, kTileRowsMax) + kIdleLanes;
-  const Window window{pass.column - beside, pass.row - reach, pass.columns + 2 * beside,
-                      pass.rows + 2 * reach};
-  pass.ground_m = padded(ground.opaque_m, window, is_transposed, kFarBelow_m, padded_height_m);
-  if (ground.weight != nullptr) {
-    pass.weight = padded(*ground.weight, window, is_transposed, 0.0F, [](std::uint8_t weight) {
-      return static_cast<float>(std::min(weight, kGroundWeightMax));
-    });
-  }
   pass.seen.assign(pass.cell_count(), 0);
   pass.known.assign(pass.cell_count(), 0);
   return pass;
 }
 
-// Both passes' sums of a cell of the block. With weighted ground they use all 32 bits.
+// Both passes' sums of a cell of the block.
 std::int64_t sum_of(const std::vector<std::int32_t>& along_y,
                     const std::vector<std::int32_t>& along_x, std::size_t plane, int columns,
                     int rows, int column, int row) {
@@ -349,8 +438,8 @@ std::int64_t sum_of(const std::vector<std::int32_t>& along_y,
   const auto height = static_cast<std::size_t>(rows);
   const auto c = static_cast<std::size_t>(column);
   const auto r = static_cast<std::size_t>(row);
-  return std::int64_t{static_cast<std::uint32_t>(along_y[(plane * height + r) * width + c])} +
-         std::int64_t{static_cast<std::uint32_t>(along_x[(plane * width + c) * height + r])};
+  return std::int64_t{along_y[(plane * height + r) * width + c]} +
+         along_x[(plane * width + c) * height + r];
 }
 
 // Further heights that are looked from together.
@@ -403,8 +492,8 @@ void run_rounds(const VisibilityGround& ground, const BlockWork& block,
   arena.execute([&] {
     tbb::parallel_for(0, 2, [&](int is_transposed) {
       (is_transposed == 1 ? along_x : along_y) =
-          pass_over(ground, block.block, block.columns, block.rows, options, block.spans,
-                    block.changed, is_transposed == 1);
+          pass_over(ground, block.block, block.columns, block.rows, block.spans, block.changed,
+                    is_transposed == 1);
     });
   });
   std::vector<Tile> tiles = tiles_of(along_y);
@@ -418,11 +507,16 @@ void run_rounds(const VisibilityGround& ground, const BlockWork& block,
         options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(round.first),
         options.further_heights_m.begin() + static_cast<std::ptrdiff_t>(round.first + round.count));
     for (Pass* pass : {&along_y, &along_x}) {
-      pass->lines = sight_lines(part, g.cell_m, pass->is_transposed, ground.weight != nullptr);
+      pass->lines = sight_lines(part, g.cell_m, pass->is_transposed);
       pass->further.assign(round.count == 0 ? 0 : (round.count + 2) * pass->cell_count(), 0);
     }
-    const Work work{&ground, static_cast<float>(options.reference_height_m),
-                    static_cast<int>(round.count), r > 0, kernel};
+    const Work work{&ground,
+                    options.radius_m,
+                    static_cast<float>(options.reference_height_m),
+                    units_per_metre(options),
+                    static_cast<int>(round.count),
+                    r > 0,
+                    kernel};
     std::size_t line_count = 0;
     for (const Tile& tile : tiles) {
       line_count += tile.pass->lines.size();

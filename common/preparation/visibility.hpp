@@ -86,13 +86,29 @@ struct VisibilitySums {
 /// a quarter of a cell beside its observer (see visibility_lines.hpp). Unknown cells (NaN) and
 /// cells outside the raster neither count nor hide anything.
 ///
+/// All numbers are whole. Heights are rounded to u = 1/16 m, weights of a ray to 1/32767 of all. In
+/// ring D, the samples from D to 2 D - 1 with D = 1, 2, 4, 8 .., slopes are what they are in height
+/// at D steps, so that they resolve u to 2 u wherever the ground lies; the greatest slope so far
+/// doubles from ring to ring:
+///
+///     S_k = round((z_k - e_0 - h_ref) / u * D / k) - round(c k D / u)    c k^2: drop at k steps
+///
+/// Rounding makes ties, of which those of odd k count as seen: so shares are not biased. Far out,
+/// slopes of smooth ground differ by about u or less, and rounding would hide some of it from all
+/// sides. So a cell that lies in line with its neighbours to the left and right to within u is
+/// looked at u higher, or 2 u where the slopes of an even plane rise by less than 3/4 u from step
+/// to step (low eyes, many steps) and where it lies level with both neighbours. From sample 17
+/// or later on, rings and drops change where eight rows of the map frame end
+/// (visibility_lines.hpp). Differences of heights and slopes saturate at 2048 m. If the horizon of
+/// a smooth earth lies within the radius (low eyes, long rays), u is 2^-15 m, as the place of the
+/// horizon hangs on it.
+///
 /// Further heights look along every second line and add what they see more than the reference
 /// height does on the same lines: share_i = share + (seen_i - seen) / known. A greater height never
 /// has a smaller share.
 ///
-/// Weights are whole numbers, so sums do not depend on their order, and lines are anchored to the
-/// map frame: same bytes for any number of threads, any block and any raster of which it is cut,
-/// AVX2 or AVX-512. Processors without fused multiply-add may differ in the last bit of a height.
+/// Whole numbers do not depend on their order, and lines are anchored to the map frame: same bytes
+/// for any number of threads, any block and any raster of which it is cut, any instructions.
 ///
 /// @param block      lower left cell of the block, and its size below; must lie inside the raster,
 ///                   which should reach radius_m and two cells beyond it.
@@ -100,16 +116,18 @@ struct VisibilitySums {
 /// @param sums       null, or takes the sums, which updates need.
 /// @throws std::invalid_argument  options, sizes or SIMD that are not possible
 /// @throws Interrupted
-/// @note  With 180 azimuths over 5 km of 30 m cells, on a busy 2.9 GHz Xeon (Sapphire Rapids):
-///        2.2 to 2.3 us of processor time for each cell with AVX-512, 3.5 to 4 us with AVX2, and a
-///        fifth more with 216. 180 are
+/// @note  With 180 azimuths over 5 km of 30 m cells, on a shared AMD EPYC (Zen 4) with 3.7 GHz:
+///        1.5 to 1.8 us of processor time for each cell with AVX-512, 2.2 to 2.5 us with AVX2
+///        (`hedgehop evaluate protection --azimuths 180`), and a fifth more with 216. 180 are
 ///        26,908 samples a cell. The bare inner loop over ground that is in the nearest cache takes
-///        0.058 ns a sample there with AVX-512 and 0.105 ns with AVX2 (tests/bench/visibility_bench
-///        measures it), so 1.55 and 2.8 us for all of a cell's samples: the layer is at 1.4 and 1.3
-///        times that. It looks at half of them, since nobody sees the blocks of the others, and
-///        spends a third of its time on finding these blocks and on interpolating the ground.
-///        Four further heights take 2.7 to 2.9 times as long with AVX-512, 3.1 times with AVX2.
-///        Memory: 80 to 120 bytes a cell and 8 more for each further height.
+///        0.027 ns a sample with AVX-512 and 0.048 ns with AVX2 (tests/bench/visibility_bench
+///        measures it), so 0.74 and 1.3 us for all of a cell's samples: the layer is at 2.1 and 1.7
+///        times that. It looks at half of them, since nobody sees the blocks of the others; that is
+///        a third of its time, and the nearest rows, finding the blocks and interpolating the
+///        ground are another sixth, eighth and twelfth. Where heights of a tile and what lies
+///        around it differ by more than 4090 m, or units are fine, lanes have 32 bits. Four further
+///        heights take 2.5 to 2.9 times as long. Memory: 45 to 90 bytes a cell and 8 more for each
+///        further height.
 VisibilityLayers visibility_of_block(const VisibilityGround& ground, raster::CellIndex block,
                                      int columns, int rows, const VisibilityOptions& options,
                                      const VisibilityExecution& execution, Observer& observer,
@@ -134,8 +152,8 @@ struct CellRectangle {
 /// @param layers  of visibility_of_block() over `before`, with the same block and options.
 /// @param sums    of the same call.
 /// @throws std::invalid_argument, Interrupted; then layers and sums are as they were.
-/// @note  A patch of 32 x 32 cells in 30 m changes up to 110,000 cells: 0.10 to 0.15 s,
-///        where computing these cells anew takes 0.25 to 0.4 s. Sums take 16 bytes a cell, and 8
+/// @note  A patch of 32 x 32 cells in 30 m changes up to 110,000 cells: 0.09 to 0.15 s of processor
+///        time, where computing these cells anew takes 0.2 s. Sums take 16 bytes a cell, and 8
 ///        for each further height and 16 for every four of them.
 void update_visibility_of_block(const VisibilityGround& before, const VisibilityGround& ground,
                                 raster::CellIndex block, const CellRectangle& changed,

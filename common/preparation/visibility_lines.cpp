@@ -34,42 +34,94 @@ void validate(const VisibilityOptions& options, double cell_m) {
 
 namespace {
 
-RaySteps ray_steps(const VisibilityOptions& options, double step_m, double ray_weight) {
+// Rounding of heights hides ground whose slopes rise less than this from step to step, in units.
+constexpr double kSteadyRise = 0.75;
+
+RaySteps ray_steps(const VisibilityOptions& options, double step_m) {
   RaySteps steps;
   steps.count = static_cast<int>(std::floor(options.radius_m / step_m));
-  const double drop_1pm = drop_per_square_1pm(options);
+  steps.units_per_metre = units_per_metre(options);
+  const bool is_fine = steps.units_per_metre == kFineUnitsPerMetre;
+  // By so many units slopes of an even plane rise from step to step where they rise least.
+  const int last_ring = ring_of(steps.count);
+  const double least_rise =
+      options.reference_height_m * steps.units_per_metre *
+      std::min(static_cast<double>(last_ring) / (steps.count * steps.count), 0.5 / last_ring);
+  steps.smooth_raise = is_fine ? 0 : least_rise < kSteadyRise ? 2 : 1;
+  steps.level_raise = is_fine ? 0 : 2;
+  steps.limit = limit_in_units(steps.units_per_metre);
   const auto weight_within = [&](double distance_m) {
     const double share = std::clamp(distance_m / options.radius_m, 0.0, 1.0);
-    return std::round(ray_weight * share * share);
+    return static_cast<int>(std::lround(kRayWeight * share * share));
   };
-  double before = 0.0;
-  for (int k = 1 - kBlockRows; k <= steps.count + 2 * kBlockRows; ++k) {
-    const double distance_m = k * step_m;
-    double weight = 0.0;
-    if (k >= 1 && k <= steps.count) {
-      const double outer_m = k == steps.count ? options.radius_m : distance_m + 0.5 * step_m;
-      weight = weight_within(outer_m) - weight_within(distance_m - 0.5 * step_m);
+  const auto weight_of = [&](int k) {
+    if (k < 1 || k > steps.count) {
+      return 0;
     }
-    steps.weight.push_back(static_cast<float>(weight));
-    const double line_weight = k > kExactSteps ? weight : 0.0;
-    steps.line_weight.push_back(static_cast<float>(line_weight));
-    steps.line_weight_before.push_back(static_cast<float>(before));
-    before += line_weight;
-    // Behind the eye all slopes are the lowest, so that the greatest stays.
-    steps.inverse_distance_1pm.push_back(k < 1 ? 0.0F : static_cast<float>(1.0 / distance_m));
-    steps.drop_slope.push_back(k < 1 ? -kLowestSlope : static_cast<float>(drop_1pm * distance_m));
+    const double outer_m = k == steps.count ? options.radius_m : (k + 0.5) * step_m;
+    return weight_within(outer_m) - weight_within((k - 0.5) * step_m);
+  };
+  const double drop_1pm = drop_per_square_1pm(options);
+  const auto rounded = [](double value, int limit) {
+    return static_cast<std::int32_t>(std::lround(std::clamp(value, -1.0 * limit, 1.0 * limit)));
+  };
+  const auto add_step = [&](int k, int ring, bool is_far) {
+    const double ring_ratio = static_cast<double>(ring) / std::max(k, 1);
+    const auto drop_of = [&](double step) {
+      return rounded(drop_1pm * step_m * step_m * step * ring * steps.units_per_metre, steps.limit);
+    };
+    const int block_drop = is_far && is_fine ? 0 : drop_of(is_far ? k + 0.5 * (kBlockRows - 1) : k);
+    steps.numbers.ratio.push_back(rounded(kOne * ring_ratio, kOne - 1));
+    steps.numbers.drop.push_back(block_drop);
+    steps.numbers.rest_of_drop.push_back(is_far && is_fine ? drop_of(k) : 0);
+    steps.numbers.weight.push_back(weight_of(k));
     for (const double height_m : options.further_heights_m) {
-      steps.further_slopes.push_back(
-          k < 1 ? 0.0F : static_cast<float>((height_m - options.reference_height_m) / distance_m));
+      steps.numbers.lower.push_back(
+          rounded((height_m - options.reference_height_m) * steps.units_per_metre * ring_ratio,
+                  steps.limit));
+    }
+  };
+  for (int k = 0; k < kNearRows + kBlockRows; ++k) {
+    add_step(k, ring_of(k), false);
+  }
+  // Two blocks are asked about at once, of which the second may lie beyond the ray.
+  const int last = steps.count + kBlockRows;
+  steps.block_at.assign(static_cast<std::size_t>(last) + 1, 0);
+  for (int ring = ring_of(kNearRows); ring <= steps.count; ring *= 2) {
+    const int begin = std::max(ring, kNearRows + 1);
+    const int end = 2 * ring <= steps.count ? 2 * ring : last + 1;
+    const auto at = static_cast<int>(steps.numbers.ratio.size()) - begin;
+    // The last block of a ring runs on into the next one, and so do two blocks.
+    for (int k = begin; k < end + 2 * kBlockRows; ++k) {
+      add_step(k, ring, true);
+      if (k < end) {
+        steps.block_at[static_cast<std::size_t>(k)] = at + k;
+      }
     }
   }
+  int before = 0;
+  for (int k = -kBlockRows; k <= steps.count + 2 * kBlockRows; ++k) {
+    const int line_weight = k > kExactSteps ? weight_of(k) : 0;
+    steps.line_weight.push_back(line_weight);
+    steps.line_weight_before.push_back(before);
+    before += line_weight;
+  }
+  const auto pairs_of = [](std::vector<std::int32_t> numbers) {
+    for (std::int32_t& number : numbers) {
+      number = static_cast<std::int32_t>((static_cast<std::uint32_t>(number) & 0xffff) * 0x10001U);
+    }
+    return numbers;
+  };
+  steps.pairs = {pairs_of(steps.numbers.ratio), pairs_of(steps.numbers.drop),
+                 pairs_of(steps.numbers.rest_of_drop), pairs_of(steps.numbers.weight),
+                 pairs_of(steps.numbers.lower)};
   return steps;
 }
 
 }  // namespace
 
 std::vector<SightLine> sight_lines(const VisibilityOptions& options, double cell_m,
-                                   bool is_transposed, bool has_ground_weights) {
+                                   bool is_transposed) {
   std::vector<SightLine> lines;
   const int a = options.azimuths;
   for (int i = 0; i < a; ++i) {
@@ -88,11 +140,11 @@ std::vector<SightLine> sight_lines(const VisibilityOptions& options, double cell
     line.slope = std::llround(shift * 4294967296.0);
     line.has_further = !options.further_heights_m.empty() && i % (a / 2) % kFurtherLineStride == 0;
     const double step_m = cell_m * std::sqrt(1.0 + shift * shift);
-    const double ray_weight = has_ground_weights ? kWeightedRayWeight : kRayWeight;
-    line.steps = ray_steps(options, step_m, ray_weight);
-    const double full_weight = has_ground_weights ? kGroundWeightMax : 1.0;
-    line.ray_weight = static_cast<std::uint32_t>(
-        full_weight * std::accumulate(line.steps.weight.begin(), line.steps.weight.end(), 0.0));
+    line.steps = ray_steps(options, step_m);
+    line.ray_weight = line.steps.line_weight_before.back();
+    for (int k = 1; k <= std::min(kExactSteps, line.steps.count); ++k) {
+      line.ray_weight += line.steps.numbers.weight[static_cast<std::size_t>(k)];
+    }
     lines.push_back(std::move(line));
   }
   return lines;

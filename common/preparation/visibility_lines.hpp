@@ -20,6 +20,11 @@
 /// nearest kExactSteps samples lie on the ray itself, x(R) = column + slope (R - row): a tree or a
 /// house there hides much, and a quarter of a cell decides whether it does.
 /// Positions are fixed-point numbers with 32 binary places.
+///
+/// Blocks are kBlockRows rows R, from multiples of it on. The near samples of a ray are those of
+/// the blocks that it enters with sample kNearRows or before; each has the ring and the drop of its
+/// own k. All samples of a far block have the ring of the one with which the ray enters it, and the
+/// drop of its middle.
 namespace hedgehop::preparation {
 
 /// One direction and its opposite.
@@ -27,19 +32,17 @@ struct SightLine {
   std::int64_t slope = 0;  // columns a row
   bool has_further = false;
   RaySteps steps;
-  std::uint32_t ray_weight = 0;  // of all steps on ground of full weight
+  std::int32_t ray_weight = 0;  // of all steps on ground of full weight
 };
 
-/// Weights of the steps of one ray add up to about this.
-inline constexpr double kRayWeight = 2097152.0;
-/// The same when ground has weights of its own, up to kGroundWeightMax.
-inline constexpr double kWeightedRayWeight = 65536.0;
+/// Weights of the steps of one ray add up to about this, those of both directions to 16 bits.
+inline constexpr double kRayWeight = 32767.0;
 /// Every n-th line looks from further heights too.
 inline constexpr int kFurtherLineStride = 2;
 
 /// Lines whose rays cross a row with each step; `is_transposed`: a column.
 std::vector<SightLine> sight_lines(const VisibilityOptions& options, double cell_m,
-                                   bool is_transposed, bool has_ground_weights);
+                                   bool is_transposed);
 
 /// Lines a cell.
 inline constexpr int kPhaseBits = 1;
@@ -58,12 +61,11 @@ inline Foot foot_on_line(std::int64_t slope, std::int64_t row) {
 /// Where skewed column 0 crosses a row.
 struct Crossing {
   std::int32_t left = 0;
-  float fraction = 0.0F;  // of the right neighbour, a multiple of 2^-16 below 1
+  std::int16_t fraction = 0;  // of the right neighbour, in 1 / kOne
 };
 inline Crossing crossing_of_line(std::int64_t slope, int phase, std::int64_t row) {
   const std::int64_t x = slope * row + (static_cast<std::int64_t>(phase) << (32 - kPhaseBits));
-  return {static_cast<std::int32_t>(x >> 32),
-          static_cast<float>((x >> 16) & 0xffff) * (1.0F / 65536.0F)};
+  return {static_cast<std::int32_t>(x >> 32), static_cast<std::int16_t>((x >> 17) & (kOne - 1))};
 }
 
 /// Where a ray crosses the row that lies `rows` above its observer, columns counted from its own.
@@ -71,20 +73,54 @@ inline Crossing crossing_beside(std::int64_t slope, int rows) {
   return crossing_of_line(slope, 0, rows);
 }
 
-/// What a ray looks at where it crosses a row between `left` and `right` is so much higher than the
-/// ground interpolated there, which is what may hide it: at the edge of a forest the nearest of the
-/// two cells is looked at, since nobody stands on the slope between them. `beside` is the other
-/// neighbour of the nearest one.
-inline float edge_height_m(float fraction, float left, float right, float beside, float ground_m) {
-  const float nearest = fraction < 0.5F ? left : right;
-  const float opposite = fraction < 0.5F ? right : left;
-  const float bend = std::fabs((beside + opposite) - (nearest + nearest));
-  return bend > kEdge_m && bend < -kUnknownBelow_m ? nearest - ground_m : 0.0F;
+/// Which of the two cells beside a crossing is looked at: 0 the left one, 1 the right one.
+inline int to_nearest(std::int16_t fraction) { return fraction < kOne / 2 ? 0 : 1; }
+/// Where the right neighbour counts for nothing, the left one stands in: it may be unknown.
+inline int to_right(std::int16_t fraction) { return fraction == 0 ? 0 : 1; }
+
+/// Whether the block that a ray enters with sample `first` is far.
+inline bool is_far(int first) { return first > kNearRows; }
+/// The ring of a near sample, or of a far block that begins with it.
+inline int ring_of(int first) {
+  int ring = 1;
+  while (2 * ring <= first) {
+    ring *= 2;
+  }
+  return ring;
 }
 
-/// Height of a cell in the padded raster.
-inline float padded_height_m(float z) {
-  return std::isnan(z) ? kFarBelow_m : std::clamp(z, -kHeightMax_m, kHeightMax_m);
+/// In how many units a metre is counted. On a smooth earth whose horizon lies within the radius,
+/// less than kUnitsPerMetre can tell decides where that is.
+inline int units_per_metre(const VisibilityOptions& options) {
+  const double drop_m = drop_per_square_1pm(options) * options.radius_m * options.radius_m;
+  return options.reference_height_m < drop_m ? kFineUnitsPerMetre : kUnitsPerMetre;
+}
+/// What slopes and differences of heights saturate at: 2048 m.
+inline int limit_in_units(int units_per_metre) { return 2048 * units_per_metre - 1; }
+
+/// Known heights are clamped to what is less than this from zero, eyes where reference heights are
+/// great.
+inline constexpr float kHeightMax_m = 20000.0F;
+inline constexpr float kEyeMax_m = 30000.0F;
+inline int in_units(float z_m, int units_per_metre) {
+  return static_cast<int>(std::floor(z_m * static_cast<float>(units_per_metre) + 0.5F));
+}
+inline int ground_in_units(float z_m, int units_per_metre) {
+  return in_units(std::clamp(z_m, -kHeightMax_m, kHeightMax_m), units_per_metre);
+}
+inline int eye_in_units(float z_m, float reference_height_m, int units_per_metre) {
+  const float ground_m = std::clamp(z_m, -kHeightMax_m, kHeightMax_m);
+  return in_units(std::min(ground_m + reference_height_m, kEyeMax_m), units_per_metre);
+}
+/// Weight of ground in units of the kernel.
+inline std::uint16_t weight_in_units(std::uint8_t weight) {
+  return static_cast<std::uint16_t>(std::min(weight, kGroundWeightMax) * kFullWeight /
+                                    kGroundWeightMax);
+}
+/// What a sample of this weight counts for on ground of this weight.
+inline int counted_weight(int weight, int ground_weight) {
+  return static_cast<int>(
+      (static_cast<std::uint32_t>(weight) + 1) * static_cast<std::uint32_t>(ground_weight) >> 16);
 }
 
 /// Rows or columns from the origin of the map frame to the raster's first.

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "map/map.hpp"
 #include "preparation/visibility.hpp"
@@ -11,74 +12,126 @@ namespace {
 
 // What is added up over the rays of one cell; `further` as in the kernel.
 struct PlainSums {
-  std::uint32_t seen = 0;
-  std::uint32_t known = 0;
-  std::uint32_t further_known = 0;
-  std::vector<std::uint32_t> further;  // at reference height, then at each further one
+  std::int64_t seen = 0;
+  std::int64_t known = 0;
+  std::int64_t further_known = 0;
+  std::vector<std::int64_t> further;  // at reference height, then at each further one
 };
 
-float known_or_far_below(const raster::Grid<float>& grid, int column, int row) {
-  const raster::CellIndex cell{column, row};
-  return grid.geometry().contains(cell) ? padded_height_m(grid.at(cell)) : kFarBelow_m;
-}
+// What one ray has seen from one height.
+struct PlainView {
+  std::int64_t greatest = 0;
+  std::int64_t seen = 0;
+};
 
 void add_plain_line(const VisibilityGround& ground, const SightLine& line, bool is_transposed,
-                    raster::CellIndex cell, float eye_m, PlainSums& sums) {
+                    raster::CellIndex cell, int eye, PlainSums& sums) {
   const raster::GridGeometry& g = ground.surface_m.geometry();
   const std::int64_t origin = rows_from_origin(is_transposed ? g.west_m : g.south_m, g.cell_m);
   const int column = is_transposed ? cell.row : cell.column;
   const int row = is_transposed ? cell.column : cell.row;
   const Foot foot = foot_on_line(line.slope, origin + row);
+  const RaySteps& steps = line.steps;
+  const std::int64_t limit = steps.limit;
+  const auto saturated = [limit](std::int64_t value) {
+    return std::clamp(value, -limit - 1, limit);
+  };
+  const auto scaled = [](std::int64_t value, int ratio) {
+    return (value * ratio + kOne / 2) >> 15;
+  };
+  // Heights in units; nothing where unknown.
+  const auto ground_at = [&](raster::CellIndex of) -> std::optional<std::int64_t> {
+    if (!g.contains(of) || std::isnan(ground.opaque_m.at(of))) {
+      return std::nullopt;
+    }
+    return ground_in_units(ground.opaque_m.at(of), steps.units_per_metre);
+  };
   const std::size_t heights = line.has_further ? sums.further.size() - 1 : 0;
   for (const int direction : {1, -1}) {
-    float greatest = kLowestSlope;
-    std::vector<float> further_greatest(heights, kLowestSlope);
-    for (int k = 1; k <= line.steps.count; ++k) {
-      const auto step = static_cast<std::size_t>(k - 1 + kBlockRows);
+    std::vector<PlainView> views(1 + heights, {-limit - 1, 0});
+    int ring = 1;
+    std::int64_t raised = 0;  // what has been seen is, in place of the far block being lowered
+    for (int k = 1; k <= steps.count; ++k) {
       const int r = row + direction * k;
+      // Blocks lie where multiples of kBlockRows in the map frame are.
+      const auto row_in_block = static_cast<int>((origin + r) & (kBlockRows - 1));
+      const int in_block = direction > 0 ? row_in_block : kBlockRows - 1 - row_in_block;
+      const bool is_in_far_block = is_far(k - in_block);
+      const int first = is_in_far_block ? k - in_block : k;
+      const auto at = static_cast<std::size_t>(
+          is_in_far_block ? steps.block_at[static_cast<std::size_t>(first)] + in_block : k);
+      const bool is_entering_block = is_in_far_block && first == k;
+      for (PlainView& view : views) {
+        if (is_entering_block) {
+          view.greatest = saturated(view.greatest - raised);
+        }
+        if (ring_of(first) > ring) {
+          view.greatest = std::max(saturated(2 * view.greatest), -limit);
+        }
+        if (is_entering_block) {
+          view.greatest = saturated(view.greatest + steps.numbers.drop[at]);
+        }
+      }
+      ring = ring_of(first);
+      raised = is_entering_block ? steps.numbers.drop[at] : raised;
+
       const bool is_exact = k <= kExactSteps;
       const Crossing crossing = is_exact ? crossing_beside(line.slope, direction * k)
                                          : crossing_of_line(line.slope, foot.phase, origin + r);
       const int c = column + (is_exact ? 0 : foot.shift) + crossing.left;
-      const auto at = [&](int beside) {
-        return is_transposed ? known_or_far_below(ground.opaque_m, r, c + beside)
-                             : known_or_far_below(ground.opaque_m, c + beside, r);
+      const auto cell_beside = [&](int beside) {
+        return is_transposed ? raster::CellIndex{r, c + beside} : raster::CellIndex{c + beside, r};
       };
-      const float left_m = at(0);
-      const float z_m = std::fma(crossing.fraction, at(1) - left_m, left_m);
-      const bool is_left = crossing.fraction < 0.5F;
-      const float edge_m =
-          is_exact ? 0.0F
-                   : edge_height_m(crossing.fraction, left_m, at(1), at(is_left ? -1 : 2), z_m);
-      float counts = line.steps.weight[step];
+      const auto height = [&](int beside) { return ground_at(cell_beside(beside)); };
+      const int near = to_nearest(crossing.fraction);
+      const std::optional<std::int64_t> left = height(0);
+      const std::optional<std::int64_t> right = height(to_right(crossing.fraction));
+      if (!left || !right) {
+        continue;
+      }
+      const std::int64_t z = *left + scaled(saturated(*right - *left), crossing.fraction);
+      std::int64_t looked_at_z = z;
+      if (!is_exact) {
+        const std::optional<std::int64_t> nearest = height(near);
+        const std::optional<std::int64_t> before = height(near - 1);
+        const std::optional<std::int64_t> after = height(near + 1);
+        if (nearest && before && after) {
+          const std::int64_t bend =
+              saturated(saturated(*before - *nearest) + saturated(*after - *nearest));
+          const bool is_edge = std::abs(bend) > kEdge_m * steps.units_per_metre;
+          const bool is_smooth = std::abs(bend) <= kSmoothBendUnits;
+          const bool is_level = *before == *nearest && *after == *nearest;
+          const int raise = is_level ? steps.level_raise : is_smooth ? steps.smooth_raise : 0;
+          looked_at_z = is_edge ? *nearest : z + raise;
+        }
+      }
+      int counts = steps.numbers.weight[at];
       if (ground.weight != nullptr) {
-        const int beside = is_left ? 0 : 1;
-        const raster::CellIndex seer =
-            is_transposed ? raster::CellIndex{r, c + beside} : raster::CellIndex{c + beside, r};
-        counts *= g.contains(seer) ? std::min(ground.weight->at(seer), kGroundWeightMax) : 0.0F;
+        const raster::CellIndex seer = cell_beside(near);
+        counts =
+            counted_weight(counts, g.contains(seer) ? weight_in_units(ground.weight->at(seer)) : 0);
       }
-      const auto add = static_cast<std::uint32_t>(counts);
-      const float inverse_distance = line.steps.inverse_distance_1pm[step];
-      const float slope = std::fma(z_m - eye_m, inverse_distance, -line.steps.drop_slope[step]);
-      const float looked_at = std::fma(edge_m, inverse_distance, slope);
-      if (looked_at >= greatest) {
-        sums.seen += add;
-        if (line.has_further) {
-          sums.further[0] += add;
+      sums.known += counts;
+      sums.further_known += line.has_further ? counts : 0;
+      const std::int64_t lowered =
+          is_in_far_block ? steps.numbers.rest_of_drop[at] : steps.numbers.drop[at];
+      const auto slope_of = [&](std::int64_t looked_at) {
+        return saturated(scaled(saturated(looked_at - eye), steps.numbers.ratio[at]) - lowered);
+      };
+      const bool counts_tie = k % 2 == 1;
+      for (std::size_t i = 0; i < views.size(); ++i) {
+        PlainView& view = views[i];
+        const std::int64_t lower = i == 0 ? 0 : steps.numbers.lower[at * heights + i - 1];
+        const std::int64_t looked_at = saturated(slope_of(looked_at_z) - lower);
+        if (looked_at > view.greatest || (counts_tie && looked_at == view.greatest)) {
+          view.seen += counts;
         }
+        view.greatest = std::max(view.greatest, saturated(slope_of(z) - lower));
       }
-      greatest = std::max(greatest, slope);
-      if (z_m > kUnknownBelow_m) {
-        sums.known += add;
-        sums.further_known += line.has_further ? add : 0;
-      }
-      for (std::size_t i = 0; i < heights; ++i) {
-        const float further = line.steps.further_slopes[step * heights + i];
-        if (looked_at - further >= further_greatest[i]) {
-          sums.further[i + 1] += add;
-        }
-        further_greatest[i] = std::max(further_greatest[i], slope - further);
-      }
+    }
+    sums.seen += views[0].seen;
+    for (std::size_t i = 0; line.has_further && i < views.size(); ++i) {
+      sums.further[i] += views[i].seen;
     }
   }
 }
@@ -96,24 +149,24 @@ VisibilityLayers plain_visibility_of_block(const VisibilityGround& ground, raste
   layers.shares.assign(options.further_heights_m.size() + 1,
                        raster::Grid<std::uint16_t>(geometry, map::kVisibilityUnknown));
   layers.is_partial = partial_surroundings(ground.opaque_m, block, columns, rows, options.radius_m);
-  const bool has_weights = ground.weight != nullptr;
-  const std::vector<SightLine> along_y = sight_lines(options, g.cell_m, false, has_weights);
-  const std::vector<SightLine> along_x = sight_lines(options, g.cell_m, true, has_weights);
+  const std::vector<SightLine> along_y = sight_lines(options, g.cell_m, false);
+  const std::vector<SightLine> along_x = sight_lines(options, g.cell_m, true);
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       const raster::CellIndex cell{block.column + column, block.row + row};
-      const float ground_m = padded_height_m(ground.surface_m.at(cell));
-      if (ground_m < kUnknownBelow_m) {
+      if (std::isnan(ground.surface_m.at(cell))) {
         continue;
       }
-      const float eye_m = ground_m + static_cast<float>(options.reference_height_m);
+      const int eye =
+          eye_in_units(ground.surface_m.at(cell), static_cast<float>(options.reference_height_m),
+                       units_per_metre(options));
       PlainSums sums;
       sums.further.assign(options.further_heights_m.size() + 1, 0);
       for (const SightLine& line : along_y) {
-        add_plain_line(ground, line, false, cell, eye_m, sums);
+        add_plain_line(ground, line, false, cell, eye, sums);
       }
       for (const SightLine& line : along_x) {
-        add_plain_line(ground, line, true, cell, eye_m, sums);
+        add_plain_line(ground, line, true, cell, eye, sums);
       }
       if (sums.known == 0) {
         continue;
@@ -121,8 +174,8 @@ VisibilityLayers plain_visibility_of_block(const VisibilityGround& ground, raste
       const double share = static_cast<double>(sums.seen) / static_cast<double>(sums.known);
       layers.shares[0].at(column, row) = stored_share(share);
       for (std::size_t i = 1; i < layers.shares.size(); ++i) {
-        layers.shares[i].at(column, row) = further_share(
-            share, std::int64_t{sums.further[i]} - sums.further[0], sums.further_known);
+        layers.shares[i].at(column, row) =
+            further_share(share, sums.further[i] - sums.further[0], sums.further_known);
       }
     }
   }

@@ -22,32 +22,32 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // Looks from `observers` rows of eyes at kBlockRows rows of ground that stay in registers, all in
 // the nearest cache. Returns the number of samples.
-std::int64_t bare_loop(const float* ground_m, const float* eyes_m, float* greatest, float* seen,
-                       const RaySteps& steps, int observers) {
-  const hn::CappedTag<float, kLanesMax> tag;
+std::int64_t bare_loop(const std::int16_t* ground, const std::int16_t* eyes, std::int16_t* greatest,
+                       std::int16_t* seen, const RaySteps& steps, int observers) {
+  const hn::CappedTag<std::int16_t, kLanesMax> tag;
+  const hn::Repartition<std::int32_t, hn::CappedTag<std::int16_t, kLanesMax>> pairs;
   const auto lanes = static_cast<std::ptrdiff_t>(hn::Lanes(tag));
-  decltype(hn::Zero(tag)) ground[kBlockRows];
+  const std::int32_t* HWY_RESTRICT ratio = steps.pairs.ratio.data();
+  const std::int32_t* HWY_RESTRICT weight = steps.pairs.weight.data();
+  decltype(hn::Zero(tag)) rows[kBlockRows];
 #pragma GCC unroll 8
   for (int i = 0; i < kBlockRows; ++i) {
-    ground[i] = hn::Load(tag, ground_m + i * lanes);
+    rows[i] = hn::Load(tag, ground + i * lanes);
   }
-  const float* HWY_RESTRICT inverse_distance = steps.inverse_distance_1pm.data();
-  const float* HWY_RESTRICT drop_slope = steps.drop_slope.data();
-  const float* HWY_RESTRICT weight = steps.weight.data();
   for (std::ptrdiff_t o = 0; o < observers; ++o) {
-    const auto eye = hn::Load(tag, eyes_m + o * lanes);
+    const std::ptrdiff_t at = steps.block_at[static_cast<std::size_t>(kNearRows + 1 + o)];
+    const auto eye = hn::Load(tag, eyes + o * lanes);
     auto most = hn::Load(tag, greatest + o * lanes);
     auto sum = hn::Load(tag, seen + o * lanes);
 #pragma GCC unroll 8
     for (int i = 0; i < kBlockRows; ++i) {
-      const std::ptrdiff_t k = kBlockRows + o + i;
-      const auto slope = hn::MulSub(hn::Sub(ground[i], eye), hn::Set(tag, inverse_distance[k]),
-                                    hn::Set(tag, drop_slope[k]));
+      const auto slope = hn::MulFixedPoint15(hn::Sub(rows[i], eye),
+                                             hn::BitCast(tag, hn::Set(pairs, ratio[at + i])));
+      const auto counts = hn::BitCast(tag, hn::Set(pairs, weight[at + i]));
 #if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
-      sum.raw = _mm512_mask_add_ps(sum.raw, hn::Ge(slope, most).raw, sum.raw,
-                                   hn::Set(tag, weight[k]).raw);
+      sum.raw = _mm512_mask_add_epi16(sum.raw, hn::Gt(slope, most).raw, sum.raw, counts.raw);
 #else
-      sum = hn::Add(sum, hn::IfThenElseZero(hn::Ge(slope, most), hn::Set(tag, weight[k])));
+      sum = hn::Add(sum, hn::IfThenElseZero(hn::Gt(slope, most), counts));
 #endif
       most = hn::Max(most, slope);
     }
@@ -66,11 +66,13 @@ namespace {
 
 HWY_EXPORT(bare_loop);
 
-using BareLoop = std::int64_t (*)(const float*, const float*, float*, float*, const RaySteps&, int);
+using BareLoop = std::int64_t (*)(const std::int16_t*, const std::int16_t*, std::int16_t*,
+                                  std::int16_t*, const RaySteps&, int);
 
-std::int64_t best_bare_loop(const float* ground_m, const float* eyes_m, float* greatest,
-                            float* seen, const RaySteps& steps, int observers) {
-  return HWY_DYNAMIC_DISPATCH(bare_loop)(ground_m, eyes_m, greatest, seen, steps, observers);
+std::int64_t best_bare_loop(const std::int16_t* ground, const std::int16_t* eyes,
+                            std::int16_t* greatest, std::int16_t* seen, const RaySteps& steps,
+                            int observers) {
+  return HWY_DYNAMIC_DISPATCH(bare_loop)(ground, eyes, greatest, seen, steps, observers);
 }
 
 BareLoop bare_loop_of(Simd simd) {
@@ -96,25 +98,25 @@ void bare(benchmark::State& state, Simd simd) {
     return;
   }
   constexpr int kObservers = 64;
-  const RaySteps steps = sight_lines(kOptions, kCell_m, false, false).front().steps;
-  std::vector<float> memory(static_cast<std::size_t>(kLanesMax) * (3 * kObservers + kBlockRows + 1),
-                            0.0F);
+  const RaySteps steps = sight_lines(kOptions, kCell_m, false).front().steps;
+  std::vector<std::int16_t> memory(
+      static_cast<std::size_t>(kLanesMax) * (3 * kObservers + kBlockRows + 1), 0);
   const auto address = reinterpret_cast<std::uintptr_t>(memory.data());
-  float* ground_m = memory.data() + (64 - address % 64) % 64 / sizeof(float);
-  float* eyes_m = ground_m + kLanesMax * kBlockRows;
-  float* greatest = eyes_m + kLanesMax * kObservers;
-  float* seen = greatest + kLanesMax * kObservers;
+  std::int16_t* ground = memory.data() + (64 - address % 64) % 64 / sizeof(std::int16_t);
+  std::int16_t* eyes = ground + kLanesMax * kBlockRows;
+  std::int16_t* greatest = eyes + kLanesMax * kObservers;
+  std::int16_t* seen = greatest + kLanesMax * kObservers;
   for (int i = 0; i < kLanesMax * kBlockRows; ++i) {
-    ground_m[i] = 300.0F + static_cast<float>(i * 37 % 100);
+    ground[i] = static_cast<std::int16_t>(kUnitsPerMetre * (300 + i * 37 % 100));
   }
   for (int i = 0; i < kLanesMax * kObservers; ++i) {
-    eyes_m[i] = 350.0F + static_cast<float>(i % 7);
-    greatest[i] = -0.1F;
+    eyes[i] = static_cast<std::int16_t>(kUnitsPerMetre * (350 + i % 7));
+    greatest[i] = -50 * kUnitsPerMetre;
   }
   const BareLoop loop = bare_loop_of(simd);
   double samples = 0.0;
   for (auto _ : state) {
-    samples += static_cast<double>(loop(ground_m, eyes_m, greatest, seen, steps, kObservers));
+    samples += static_cast<double>(loop(ground, eyes, greatest, seen, steps, kObservers));
     benchmark::DoNotOptimize(memory.data());
     benchmark::ClobberMemory();
   }
@@ -132,7 +134,7 @@ void layer(benchmark::State& state, Simd simd) {
   static const map::Map map = test::make_fractal_map(11, kSide, kCell_m, 4000.0, 500.0);
   double samples_a_cell = 0.0;
   for (const bool is_transposed : {false, true}) {
-    for (const SightLine& line : sight_lines(kOptions, kCell_m, is_transposed, false)) {
+    for (const SightLine& line : sight_lines(kOptions, kCell_m, is_transposed)) {
       samples_a_cell += 2.0 * line.steps.count;
     }
   }

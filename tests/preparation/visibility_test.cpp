@@ -251,6 +251,79 @@ TEST(Visibility, AgreesWithTheViewshedOfGdal) {
   GDALClose(dataset);
 }
 
+TEST(Visibility, RoundingHidesNextToNothingOfAnEvenSlope) {
+  // From above an even slope all of it is seen. Far out its slopes rise by less from step to step
+  // than heights are rounded: by 1.1 units in the first line, by 0.1 in the last.
+  struct Eye {
+    double cell_m;
+    double height_m;
+    double least_share;
+  };
+  const std::uint64_t seed = test::fresh_seed();
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> steepness(-0.2, 0.2);
+  constexpr double kRadius_m = 5000.0;
+  for (const Eye& eye : {Eye{30.0, 15.24, 0.999}, Eye{20.0, 15.24, 0.999}, Eye{10.0, 15.24, 0.997},
+                         Eye{30.0, 5.0, 0.997}, Eye{20.0, 5.0, 0.994}, Eye{10.0, 5.0, 0.98}}) {
+    const int reach = static_cast<int>(kRadius_m / eye.cell_m) + 2;
+    const int side = 2 * reach + 1;
+    for (int i = 0; i < 5; ++i) {
+      const double eastwards = eye.cell_m * steepness(random);
+      const double northwards = eye.cell_m * steepness(random);
+      raster::Grid<float> slope({0.0, 0.0, eye.cell_m, side, side}, 0.0F);
+      for (int row = 0; row < side; ++row) {
+        for (int column = 0; column < side; ++column) {
+          slope.at(column, row) =
+              static_cast<float>(eastwards * (column - reach) + northwards * (row - reach));
+        }
+      }
+      EXPECT_GE(map::visibility_share(
+                    visibility_at(slope, {reach, reach}, flat_earth(kRadius_m, eye.height_m, 180))),
+                eye.least_share)
+          << eye.cell_m << " m cells, from " << eye.height_m << " m; a cell eastwards rises by "
+          << eastwards << " m, a cell northwards by " << northwards << " m";
+    }
+  }
+}
+
+TEST(Visibility, LevelGroundIsSeenAltogetherHoweverLowTheEye) {
+  // Far out neighbouring slopes differ by much less than a unit.
+  const raster::Grid<float> flat({0.0, 0.0, 10.0, 603, 603}, 321.37F);
+  for (const double height_m : {0.5, 2.0, 15.24}) {
+    EXPECT_EQ(visibility_at(flat, {301, 301}, flat_earth(3000.0, height_m, 64)), 65534) << height_m;
+  }
+}
+
+TEST(Visibility, ReliefThatTakesWideLanesChangesNothingElsewhere) {
+  // A spire beyond the reach of the left half makes heights of the tile span more than 16 bits.
+  const std::uint64_t seed = test::fresh_seed();
+  const raster::Grid<float> ground = wild_ground(200, 90, static_cast<unsigned>(seed));
+  raster::Grid<float> with_spire = ground;
+  with_spire.at(190, 45) = 8000.0F;
+  const VisibilityOptions options{1500.0, 15.24, 60, true, 0.13, {60.0}};
+  const auto narrow = layers_everywhere({ground, ground}, options);
+  const auto wide = layers_everywhere({with_spire, with_spire}, options);
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (int row = 0; row < 90; ++row) {
+      for (int column = 0; column < 190 - 53; ++column) {
+        ASSERT_EQ(narrow.shares[i].at(column, row), wide.shares[i].at(column, row));
+      }
+    }
+  }
+  EXPECT_NE(narrow.shares[0].values(), wide.shares[0].values());
+}
+
+TEST(Visibility, LowEyesOverAWideHorizonAreTheSameBytesInKernelAndPlainReference) {
+  const auto seed = static_cast<unsigned>(test::fresh_seed());
+  const raster::Grid<float> ground_m = wild_ground(60, 50, seed);
+  // The horizon of a smooth earth is 1.0 and 1.2 km away.
+  for (const double height_m : {0.07, 0.1}) {
+    const VisibilityOptions options{1400.0, height_m, 36, true, 0.13, {30.0}};
+    expect_same(layers_everywhere({ground_m, ground_m}, options),
+                plain_visibility_of_block({ground_m, ground_m}, {0, 0}, 60, 50, options));
+  }
+}
+
 TEST(Visibility, TurningTheGroundTurnsTheResult) {
   const raster::Grid<float> surface_m = hills(70, 70, 30.0, 7);
   raster::Grid<float> turned(surface_m.geometry(), 0.0F);
