@@ -21,8 +21,11 @@ constexpr double kInflation = 1.2;
 constexpr double kHurriedInflation = 1.4;
 constexpr double kPartInflation = 1.4;  // of parts, which are moved most afterwards
 constexpr std::int64_t kStopInterval = 256;
-// The search from the start is alone, and in no hurry, for so long; most problems need less.
-constexpr std::int64_t kAloneWork = 60000;
+// The search from the start is in no hurry for so long; most problems need less.
+constexpr std::int64_t kCalmWork = 60000;
+// It is alone for so long: before the one from the goal can begin, its field has to be made, which
+// takes as long as 100,000 legs.
+constexpr std::int64_t kAloneWork = 100000;
 
 class Search {
  public:
@@ -60,7 +63,7 @@ class Search {
           return;
         }
       }
-      if (!is_hurried_ && work_units_ >= kAloneWork) {
+      if (!is_hurried_ && work_units_ >= kCalmWork) {
         hurry();
       }
       std::pop_heap(queue_.begin(), queue_.end(), kIsLater);
