@@ -15,7 +15,8 @@ namespace {
 constexpr std::int64_t kRoundsMax = 6;
 constexpr int kRoundsInVainMax = 2;
 constexpr double kGainMin = 0.25;  // of a raise: with less, what is too low is not what is raised
-constexpr double kSpare_m = 0.1;   // what planning again may lose of a margin
+constexpr double kRaiseTold_m = 1.0;  // what a smaller one gains cannot be told from chance
+constexpr double kSpare_m = 0.1;      // what planning again may lose of a margin
 
 // Violations among so many draws that keep the upper end of the interval at or below a probability.
 std::int64_t violations_allowed(std::int64_t draws, double probability, double confidence) {
@@ -109,7 +110,8 @@ std::variant<RiskPlan, flight::NoPlan> plan_within_risk(
     observer.check_stop();
     const double reached_m = best.risk.least_clearances_m[static_cast<std::size_t>(allowed)];
     // Draws differ from round to round: one round without a gain may be chance.
-    rounds_in_vain = reached_m - before_m < kGainMin * raise_m ? rounds_in_vain + 1 : 0;
+    const bool is_in_vain = raise_m >= kRaiseTold_m && reached_m - before_m < kGainMin * raise_m;
+    rounds_in_vain = is_in_vain ? rounds_in_vain + 1 : 0;
     if (best.is_met || !std::isfinite(reached_m) || rounds_in_vain == kRoundsInVainMax) {
       break;
     }

@@ -9,6 +9,7 @@
 
 #include "global_planning/route_finish.hpp"
 #include "global_planning/track_profile.hpp"
+#include "global_planning/waypoint_moves.hpp"
 
 namespace hedgehop::global_planning {
 namespace {
@@ -510,6 +511,8 @@ void refine(const FlightEnvelope& envelope, std::int64_t work_budget, std::int64
       }
     }
   }
+  best_m = move_waypoints(envelope, work_budget, work_units, waypoints, best_m);
+  on_refined(best_m, work_units);
 }
 
 }  // namespace hedgehop::global_planning

@@ -20,12 +20,12 @@ using OnRefined = std::function<bool(double best_cost_m, std::int64_t work_units
 /// the cheapest polyline through one place of each station. Its state holds the place and the
 /// sideways offset of the station before, so turns between legs are exact
 /// (FlightEnvelope::is_turn_allowed). Stations and grids become finer from sweep to sweep; the
-/// first sweeps look at two heights only. After some of them, and at the end, the line gets the
-/// lowest profile along its own track where that is cheaper. A result counts only if every leg
-/// passes FlightEnvelope::is_clear and the whole costs less than before, integrated at steps of 1
-/// m: the route never gets worse. Where the whole cannot be joined, because a corner is too sharp
-/// for equal stations, pieces of it are tried. Legs are evaluated by several threads; the result
-/// does not depend on their number.
+/// first sweeps look at two heights only. After some of them the line gets the lowest profile along
+/// its own track where that is cheaper; at the end its waypoints move for themselves. A result
+/// counts only if every leg passes FlightEnvelope::is_clear and the whole costs less than before,
+/// integrated at steps of 1 m: the route never gets worse. Where the whole cannot be joined,
+/// because a corner is too sharp for equal stations, pieces of it are tried. Legs are evaluated by
+/// several threads; the result does not depend on their number.
 ///
 /// Each evaluated leg adds 1 to `work_units`; no sweep begins that might exceed `work_budget`.
 void refine(const FlightEnvelope& envelope, std::int64_t work_budget, std::int64_t& work_units,
