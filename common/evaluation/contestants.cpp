@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <memory>
@@ -18,6 +19,7 @@
 #include "global_planning/roadmap.hpp"
 #include "global_planning/route_finish.hpp"
 #include "global_planning/stock_planner.hpp"
+#include "global_planning/waypoint_moves.hpp"
 
 namespace hedgehop::evaluation {
 namespace {
@@ -113,6 +115,53 @@ Attempt run_recommended(const risk::CostModel& costs, const GlobalOptions& optio
     attempt.no_route_cause = std::string(flight::name_of(none.cause)) + ": " + none.explanation;
   }
   marks.end(time_s, work_units);
+  return attempt;
+}
+
+std::vector<Waypoint> with_legs_up_to(double most_m, const std::vector<Waypoint>& route) {
+  std::vector<Waypoint> result = {route.front()};
+  for (std::size_t i = 1; i < route.size(); ++i) {
+    const Waypoint& a = route[i - 1];
+    const Waypoint& b = route[i];
+    const int parts = std::max(1, static_cast<int>(std::ceil(flight::length_m({a, b}) / most_m)));
+    for (int part = 1; part < parts; ++part) {
+      const double t = static_cast<double>(part) / parts;
+      result.push_back({a.x_m + t * (b.x_m - a.x_m), a.y_m + t * (b.y_m - a.y_m),
+                        a.altitude_m + t * (b.altitude_m - a.altitude_m)});
+    }
+    result.push_back(b);
+  }
+  return result;
+}
+
+/// Plans without any rule about turns, and then moves every piece of the route for itself.
+Attempt run_free_turns(const risk::CostModel& costs, GlobalOptions options,
+                       const OptimalityTask& task, const ProcessClock& clock,
+                       const Observer& observer) {
+  constexpr double kAnyTurn_rad = 3.1415;
+  constexpr std::array<double, 3> kPieces_m = {60.0, 40.0, 30.0};
+  options.turn_radius_m = 0.0;
+  options.turn_angle_max_rad = kAnyTurn_rad;
+  Attempt attempt;
+  Marks marks(task.budgets_s, attempt);
+  const Stopwatch watch(clock);
+  const auto found = global_planning::plan_leg(
+      costs, options, {task.start, task.goal, task.seed, options.work_budget}, {}, observer);
+  observer.check_stop();
+  std::int64_t work_units = 0;
+  if (const auto* planned = std::get_if<flight::Route>(&found)) {
+    const FlightEnvelope envelope(costs, options, task.start, task.goal);
+    std::vector<Waypoint> route = planned->waypoints;
+    for (const double piece_m : kPieces_m) {
+      observer.check_stop();
+      route = with_legs_up_to(piece_m, route);
+      global_planning::move_waypoints(envelope, kNoLimit, work_units, route,
+                                      envelope.route_cost_m(route, kCostStep_m));
+    }
+    attempt.routes.push_back({watch.elapsed_s(), std::move(route)});
+    work_units += planned->work_units;
+  }
+  marks.end(watch.elapsed_s(), work_units);
   return attempt;
 }
 
@@ -301,8 +350,8 @@ Attempt run_paper_planner(const risk::CostModel& costs, const GlobalOptions& opt
 }
 
 std::vector<std::string> contestant_names() {
-  std::vector<std::string> names = {"recommended", "roadmap", "bitstar", "bitstar_labels",
-                                    "bitstar_field"};
+  std::vector<std::string> names = {"recommended",    "roadmap",       "bitstar",
+                                    "bitstar_labels", "bitstar_field", "free_turns"};
   for (const StockMethod method : global_planning::kStockMethods) {
     names.emplace_back(name_of(method));
   }
@@ -348,6 +397,13 @@ std::vector<Contestant> make_contestants(const std::vector<std::string>& names,
       add(name, "angle", false,
           [&costs, options, clock](const OptimalityTask& task, const Observer& observer) {
             return run_bit_star(costs, options, task, clock, observer);
+          });
+      continue;
+    }
+    if (name == "free_turns") {
+      add(name, "none", true,
+          [&costs, &config, clock](const OptimalityTask& task, const Observer& observer) {
+            return run_free_turns(costs, config.global, task, clock, observer);
           });
       continue;
     }

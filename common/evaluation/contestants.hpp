@@ -17,12 +17,14 @@ std::vector<std::string> contestant_names();
 ///
 /// recommended   plan_leg() as the config has it
 /// roadmap       first route of a Roadmap that was made before, with an envelope at hand: what one
-/// of
-///               many queries takes; without refinement and lower bound
+///               of many queries takes; without refinement and lower bound
 /// bitstar       our BIT* as in the paper: straight length as heuristic, ellipse, insertion
 ///               condition on the angle alone, no refinement
 /// bitstar_labels  the same, its first route searched over directed edges
 /// bitstar_field   that, led by the strict bounds of eq. (1), states drawn from their level set
+/// free_turns    recommended without any rule about turns, then every piece of 30 m moved for
+///               itself, whatever the budget: what the turn rule costs, and what no bound that
+///               leaves turns free can exceed
 /// ompl_...      the library's planners; see global_planning::StockPlanner
 /// dubins        the library's BIT* over Dubins curves
 ///

@@ -52,10 +52,22 @@ class Judge {
   const OptimalityTask* task_;
 };
 
-/// One attempt, judged; the last valid route goes to `last`.
+/// One attempt, judged; the last valid route goes to `last`, costs of routes that keep the turn
+/// rule to `offer`.
 JudgedAttempt judge(const Judge& judge, const Contestant& contestant, const OptimalityTask& task,
-                    const Attempt& attempt, std::vector<Waypoint>& last) {
+                    const Attempt& attempt, std::vector<Waypoint>& last,
+                    const std::function<void(double)>& offer) {
   JudgedAttempt result;
+  const auto are_turns_kept = [&](const std::vector<Waypoint>& route) {
+    return contestant.turn_rule == "curves" || judge.are_turns_kept(route);
+  };
+  const auto cost_m = [&](const std::vector<Waypoint>& route) {
+    const double total_m = judge.cost_m(route);
+    if (are_turns_kept(route)) {
+      offer(total_m);
+    }
+    return total_m;
+  };
   result.marks = attempt.marks;
   result.lower_bound_m = attempt.lower_bound_m;
   result.no_route_cause = attempt.no_route_cause;
@@ -66,7 +78,7 @@ JudgedAttempt judge(const Judge& judge, const Contestant& contestant, const Opti
   for (const TimedRoute& route : attempt.routes) {
     if (judge.is_valid(route.waypoints)) {
       result.first_route_s = route.time_s;
-      result.first_route_cost_m = judge.cost_m(route.waypoints);
+      result.first_route_cost_m = cost_m(route.waypoints);
       break;
     }
   }
@@ -87,12 +99,12 @@ JudgedAttempt judge(const Judge& judge, const Contestant& contestant, const Opti
       until_s = std::max(until_s, attempt.marks[i].stopped_s);
     }
     const auto* route = last_until(until_s);
-    result.costs_m.push_back(route != nullptr ? judge.cost_m(*route) : kNaN);
+    result.costs_m.push_back(route != nullptr ? cost_m(*route) : kNaN);
   }
   result.refused_routes = 0;
   if (const auto* route = last_until(kInfinity)) {
-    result.last_cost_m = judge.cost_m(*route);
-    result.are_turns_kept = contestant.turn_rule == "curves" || judge.are_turns_kept(*route);
+    result.last_cost_m = cost_m(*route);
+    result.are_turns_kept = are_turns_kept(*route);
     last = *route;
   }
   return result;
@@ -276,14 +288,10 @@ OptimalityResult evaluate_optimality(const map::Map& map, const planning::Planni
         attempt.failure = error.what();
       }
       std::vector<Waypoint> last;
-      problem.attempts.push_back(judge(judging, contestant, task, attempt, last));
+      problem.attempts.push_back(judge(judging, contestant, task, attempt, last,
+                                       [&](double cost_m) { offer(cost_m, contestant.name); }));
       const JudgedAttempt& judged = problem.attempts.back();
       problem.lower_bound_m = std::max(problem.lower_bound_m, judged.lower_bound_m);
-      for (const double cost_m : judged.costs_m) {
-        offer(cost_m, contestant.name);
-      }
-      offer(judged.first_route_cost_m, contestant.name);
-      offer(judged.last_cost_m, contestant.name);
       if (!last.empty() && judging.are_turns_kept(last)) {
         candidates.emplace_back(judged.last_cost_m, std::move(last));
       }

@@ -105,7 +105,7 @@ struct OptimalityProblem {
   flight::Waypoint from;
   flight::Waypoint to;
   double distance_m = 0.0;              // straight
-  double best_known_m = 0.0;            // NaN: nobody found a route
+  double best_known_m = 0.0;            // that keeps the turn rule; NaN: nobody found one
   std::string best_known_by;            // contestant, or "polish"
   double lower_bound_m = 0.0;           // the greatest that was proved
   std::vector<JudgedAttempt> attempts;  // by contestant

@@ -234,6 +234,45 @@ TEST(EvaluateOptimality, BestKnownIsThePolishedRouteWhenThatIsCheaper) {
   EXPECT_NEAR(result.rows[0].cost_over_best_p95, 1.02, 1e-6);
 }
 
+TEST(EvaluateOptimality, NoRouteThatBreaksTheTurnRuleIsTheBestKnown) {
+  const map::Map map = flat_map();
+  SilentObserver observer;
+  const auto attempt_with = [](std::vector<Waypoint> route) {
+    Attempt attempt;
+    attempt.routes = {{0.1, std::move(route)}};
+    attempt.marks = {{0.2, 1}};
+    return attempt;
+  };
+  const std::vector<Contestant> contestants = {
+      // One turn of 2 acos(1 / 1.1) = 49 degrees.
+      fake("gentle", false,
+           [&](const OptimalityTask& task) { return attempt_with(detour(task, 1.1)); }),
+      // Straight on but for a jog of 50 m aside and back in the middle: four right angles.
+      fake("sharp", false, [&](const OptimalityTask& task) {
+        const double length_m = flight::length_m({task.start, task.goal});
+        const double east = (task.goal.x_m - task.start.x_m) / length_m;
+        const double north = (task.goal.y_m - task.start.y_m) / length_m;
+        const auto at = [&](double along_m, double aside_m) {
+          return Waypoint{task.start.x_m + along_m * east - aside_m * north,
+                          task.start.y_m + along_m * north + aside_m * east, task.start.altitude_m};
+        };
+        const double middle_m = 0.5 * length_m;
+        return attempt_with({task.start, at(middle_m - 50.0, 0.0), at(middle_m - 50.0, 50.0),
+                             at(middle_m + 50.0, 50.0), at(middle_m + 50.0, 0.0), task.goal});
+      })};
+  const OptimalityResult result = evaluate_optimality(
+      map, level_planning(), test_options(2, {0.5}), test::fresh_seed(), contestants, {}, observer);
+  for (const OptimalityProblem& problem : result.problems) {
+    EXPECT_EQ(problem.best_known_by, "gentle");
+    EXPECT_NEAR(problem.best_known_m, 1.1 * problem.distance_m, 0.01);
+    EXPECT_NEAR(problem.attempts[1].costs_m[0], problem.distance_m + 100.0, 0.01);
+  }
+  EXPECT_EQ(result.rows[0].turns_kept, 1.0);
+  EXPECT_EQ(result.rows[1].turns_kept, 0.0);
+  EXPECT_EQ(result.rows[1].success, 1.0);
+  EXPECT_LT(result.rows[1].cost_over_best_median, 1.0);
+}
+
 TEST(EvaluateOptimality, GivesTheSameProblemsForTheSameSeed) {
   const map::Map map = flat_map();
   SilentObserver observer;
