@@ -69,6 +69,15 @@ struct EventLogReader::Impl {
     return read_at(place, word.data(), word.size()) && number_at(word.data(), 4) == kSync;
   }
 
+  /// Number in the header of the event at `place`, or none if the file ends before.
+  std::optional<std::uint64_t> event_number_at(std::int64_t place) {
+    std::array<std::byte, 12> header{};
+    if (!read_at(place, header.data(), header.size())) {
+      return std::nullopt;
+    }
+    return number_at(header.data() + 4, 8);
+  }
+
   /// Length of the whole event at `place`, or 0 if there is none.
   std::int64_t event_bytes_at(std::int64_t place) {
     std::array<std::byte, kHeaderBytes> header{};
@@ -96,14 +105,27 @@ struct EventLogReader::Impl {
   }
 
   /// In sequence an event may be followed by damage. It is itself damaged if its length reaches
-  /// over the beginning of a sound one, be it the next or one after more damage.
+  /// over the beginning of a sound one, be it the next or one after more damage. Where it ends at
+  /// an event all the same, by chance, the numbers of the events tell which ones it hides.
   bool is_event_in_sequence() {
     const std::int64_t size = event_bytes_at(offset);
-    if (size == 0 || is_sound_at(offset)) {
-      return size != 0;
+    if (size == 0) {
+      return false;
     }
+    const std::uint64_t number = *event_number_at(offset);
+    std::optional<std::uint64_t> next_number;
+    if (is_sound_at(offset)) {
+      next_number = event_number_at(offset + size);
+      if (!next_number || *next_number <= number + 1) {
+        return true;
+      }
+    }
+    const auto is_hidden = [&](std::int64_t place) {
+      const std::uint64_t found = *event_number_at(place);
+      return !next_number || (found > number && found < *next_number);
+    };
     std::int64_t inside = find_sync(offset + 1);
-    while (inside < offset + size && !is_sound_at(inside)) {
+    while (inside < offset + size && !(is_sound_at(inside) && is_hidden(inside))) {
       inside = find_sync(inside + 1);
     }
     return inside >= offset + size;

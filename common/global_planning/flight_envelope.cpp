@@ -464,7 +464,7 @@ bool FlightEnvelope::is_climb_allowed(const flight::Waypoint& a, const flight::W
 
 template <typename GroundAt>
 double FlightEnvelope::leg_cost_over(const flight::Waypoint& a, const flight::Waypoint& b,
-                                     const GroundAt& ground_at) const {
+                                     double step_m, const GroundAt& ground_at) const {
   if (!is_climb_allowed(a, b)) {
     return kInfinity;
   }
@@ -472,7 +472,7 @@ double FlightEnvelope::leg_cost_over(const flight::Waypoint& a, const flight::Wa
   const double dy_m = b.y_m - a.y_m;
   const double dz_m = b.altitude_m - a.altitude_m;
   const double leg_m = std::sqrt(dx_m * dx_m + dy_m * dy_m + dz_m * dz_m);
-  const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / check_step_m_)));
+  const int steps = std::max(1, static_cast<int>(std::ceil(leg_m / step_m)));
   const double share = 1.0 / steps;
   const double inverse_track_1pm = has_slope_ ? 1.0 / std::sqrt(dx_m * dx_m + dy_m * dy_m) : 0.0;
   double sum = 0.0;
@@ -509,8 +509,14 @@ double FlightEnvelope::leg_cost_over(const flight::Waypoint& a, const flight::Wa
 }
 
 double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const {
-  return leg_cost_over(
-      a, b, [&](const geo::MapPoint& point, int, int) { return sample(point.x_m, point.y_m); });
+  return leg_cost_m(a, b, check_step_m_);
+}
+
+double FlightEnvelope::leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b,
+                                  double step_m) const {
+  return leg_cost_over(a, b, step_m, [&](const geo::MapPoint& point, int, int) {
+    return sample(point.x_m, point.y_m);
+  });
 }
 
 void FlightEnvelope::leg_costs_m(const geo::MapPoint& a, const std::vector<double>& from_m,
@@ -534,7 +540,8 @@ void FlightEnvelope::leg_costs_m(const geo::MapPoint& a, const std::vector<doubl
   costs_m.clear();
   for (const double first_m : from_m) {
     for (const double last_m : to_m) {
-      costs_m.push_back(leg_cost_over({a.x_m, a.y_m, first_m}, {b.x_m, b.y_m, last_m}, ground_at));
+      costs_m.push_back(
+          leg_cost_over({a.x_m, a.y_m, first_m}, {b.x_m, b.y_m, last_m}, check_step_m_, ground_at));
     }
   }
 }

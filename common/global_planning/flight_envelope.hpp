@@ -97,6 +97,9 @@ class FlightEnvelope {
   /// Cost of a straight leg, midpoint rule with steps of at most check_step_m, wires exactly, or
   /// infinity if a midpoint leaves the band or the climb angle is too steep. About 15 ns a step.
   [[nodiscard]] double leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b) const;
+  /// The same with steps of at most `step_m`.
+  [[nodiscard]] double leg_cost_m(const flight::Waypoint& a, const flight::Waypoint& b,
+                                  double step_m) const;
 
   /// leg_cost_m(), to the last bit, of the legs from each altitude over a to each one over b, those
   /// from the first altitude first; what they have below them is looked at once. About 5 ns a step
@@ -211,7 +214,7 @@ class FlightEnvelope {
   // leg_cost_m() with the sample at each step's middle from `ground_at`(point, step, steps).
   template <typename GroundAt>
   [[nodiscard]] double leg_cost_over(const flight::Waypoint& a, const flight::Waypoint& b,
-                                     const GroundAt& ground_at) const;
+                                     double step_m, const GroundAt& ground_at) const;
   [[nodiscard]] std::size_t index(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(geometry_.columns) +
            static_cast<std::size_t>(column);

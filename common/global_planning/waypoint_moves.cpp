@@ -66,7 +66,7 @@ class Moves {
 
   double leg_cost_m(const Waypoint& a, const Waypoint& b) {
     ++legs_;
-    return envelope_.route_cost_m({a, b}, kStep_m);
+    return envelope_.leg_cost_m(a, b, kStep_m);
   }
 
   [[nodiscard]] bool are_turns_kept(std::size_t first, std::size_t group) {

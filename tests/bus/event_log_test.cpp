@@ -143,6 +143,35 @@ TEST_F(EventLog, ALengthThatReachesOverMoreDamageCostsNoMoreThanThatDamage) {
   EXPECT_THAT(numbers, testing::IsSupersetOf({249, 253}));
 }
 
+TEST_F(EventLog, ALengthThatByChanceEndsAtALaterEventCostsOneEvent) {
+  write_events(500);
+  const auto message_bytes = static_cast<std::uint32_t>(place(300) - place(250) - 28 - 9);
+  std::string length;
+  for (int i = 3; i >= 0; --i) {
+    length.push_back(static_cast<char>(message_bytes >> (8 * i)));
+  }
+  overwrite(place(250) + 24, length);
+  overwrite(place(251), "####");
+  EventLogReader reader(path_);
+  const auto numbers = read_numbers(reader);
+  EXPECT_EQ(numbers.size(), 498U);
+  EXPECT_THAT(numbers, testing::IsSupersetOf({249, 252, 299, 300}));
+}
+
+TEST_F(EventLog, ALogInAMessageStaysAMessageWhereNumbersAreConsecutive) {
+  write_events(20);
+  const std::string inner = read_file(path_);
+  {
+    EventLogWriter writer(path_, true, 0.1);
+    for (int i = 0; i < 5; ++i) {
+      writer.write(Time{i}, "LOG", bytes_of(inner));
+    }
+  }
+  EventLogReader reader(path_);
+  EXPECT_EQ(read_numbers(reader).size(), 5U);
+  EXPECT_EQ(reader.damage_count(), 0);
+}
+
 TEST_F(EventLog, RandomDamageNeverCrashesAndLosesLittle) {
   const unsigned seed = std::random_device{}();
   std::cout << "seed " << seed << '\n';

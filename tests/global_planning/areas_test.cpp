@@ -16,7 +16,7 @@ namespace {
 using test::PlanningCase;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr risk::CostWeights kLengthOnly{};
+using test::kLengthOnly;
 constexpr double kSide_m = 12000.0;
 
 map::AreaLimit above_ground(double height_m) {

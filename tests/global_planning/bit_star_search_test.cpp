@@ -14,7 +14,7 @@ using flight::Waypoint;
 using test::PlanningCase;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 
 const BitStarSearch::ShouldStop kNeverStop = [] { return false; };
 const BitStarSearch::OnEvent kSilent = [] {};

@@ -25,7 +25,7 @@ using flight::Waypoint;
 using test::PlanningCase;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 
 struct OmplCase {
   PlanningCase in{test::make_fractal_map(5, 200, 30.0, 3000.0, 100.0), kWeights};

@@ -14,7 +14,7 @@ namespace {
 
 using test::PlanningCase;
 
-constexpr risk::CostWeights kLengthOnly{};
+using test::kLengthOnly;
 constexpr double kReach_m = 3000.0;
 constexpr std::int64_t kWork = 50'000'000;
 

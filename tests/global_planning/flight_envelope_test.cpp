@@ -17,7 +17,7 @@ using flight::Waypoint;
 using test::PlanningCase;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Options with numbers that are easy to reckon with.

@@ -16,8 +16,8 @@ namespace {
 using flight::Waypoint;
 using test::PlanningCase;
 
-constexpr risk::CostWeights kLengthOnly{};
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kLengthOnly;
+using test::kWeights;
 constexpr LatticeSpare kSpare{2.0, 0.97};
 const auto kNever = [] { return false; };
 

@@ -17,7 +17,7 @@ using flight::Waypoint;
 using test::PlanningCase;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 
 // What a track costs as low as it may be flown, leg by leg; infinite where it may not.
 double low_cost_m(const FlightEnvelope& envelope, const std::vector<geo::MapPoint>& track,

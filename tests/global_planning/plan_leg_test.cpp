@@ -25,8 +25,8 @@ using test::plan;
 using test::PlanningCase;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
-constexpr risk::CostWeights kLengthOnly{};
+using test::kLengthOnly;
+using test::kWeights;
 
 double plan_distance_m(const Waypoint& a, const Waypoint& b) {
   return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m);

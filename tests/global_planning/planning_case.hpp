@@ -11,6 +11,10 @@
 
 namespace hedgehop::test {
 
+/// Weights as shipped, and none: cost is length.
+inline constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+inline constexpr risk::CostWeights kLengthOnly{};
+
 /// The shipped options of the global planner, with a smaller budget.
 inline global_planning::GlobalOptions shipped_global_options(std::int64_t work_budget = 60000) {
   auto reader = ConfigReader::from_text(shipped_config("planning.yaml"), "planning.yaml");

@@ -18,7 +18,7 @@ namespace {
 
 using test::PlanningCase;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 constexpr std::int64_t kWork = 1000000;
 const auto kNeverStop = [] { return false; };
 constexpr Hash128 kKey{7, 8};

@@ -14,7 +14,7 @@ using flight::Waypoint;
 using test::PlanningCase;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 
 TEST(CutShort, ADetourOverFreeGroundBecomesOneLeg) {
   const PlanningCase in(test::make_map(150, 150, 30.0, [](double, double) { return 0.0; }), {});

@@ -20,8 +20,8 @@ namespace {
 using flight::Waypoint;
 using test::PlanningCase;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
-constexpr risk::CostWeights kLengthOnly{};
+using test::kLengthOnly;
+using test::kWeights;
 constexpr double kDegree_rad = std::numbers::pi / 180.0;
 
 GlobalOptions options_with(double climb_deg, double descent_deg) {

@@ -17,7 +17,7 @@ using flight::NoPlan;
 using flight::Waypoint;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 constexpr double kSmallPatch_m = 150.0;
 
 // A map whose visibility changes under its cost model.

@@ -14,7 +14,7 @@ namespace {
 using flight::Waypoint;
 using test::shipped_global_options;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 constexpr std::int64_t kWork = 1'000'000;
 
 // A plain of 12 x 9 km, with a flight from west to east.

@@ -17,8 +17,8 @@ namespace {
 using flight::Waypoint;
 using test::PlanningCase;
 
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
-constexpr risk::CostWeights kLengthOnly{};
+using test::kLengthOnly;
+using test::kWeights;
 constexpr std::int64_t kNoLimit = std::numeric_limits<std::int64_t>::max() / 4;
 
 std::vector<Waypoint> zigzag(const PlanningCase& in, double aside_m, double higher_m) {

@@ -23,7 +23,7 @@ using ::testing::HasSubstr;
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kSpeed_mps = 40.0;
-constexpr risk::CostWeights kWeights{25.0, 0.02, 4.0, 0.01};
+using test::kWeights;
 
 GlobalOptions options_in(const Wind& wind) {
   GlobalOptions options = test::shipped_global_options();
